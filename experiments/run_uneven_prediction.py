@@ -17,7 +17,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from experiments.machine import describe
-from experiments.measured_records import RECORDS, sticks_in
+from experiments.measured_records import RECORDS, part, sticks_in
 from experiments.uneven_records import CASES, prepared, simulated
 from identify.uneven.drawn import Begin, drawn_distributions
 from identify.uneven.estimator import maximise
@@ -46,7 +46,7 @@ def predicted(fitted: Sticks, other: Sticks, seed: int) -> list[float]:
 def halves(sticks: Sticks) -> tuple[Sticks, Sticks]:
     """The first and the last cycles of a record."""
     first, second = np.split(np.arange(sticks.count), [sticks.count // 2])
-    return sticks.part(first), sticks.part(second)
+    return part(sticks, first), part(sticks, second)
 
 
 def main(fast: bool = False, count: int = 8, seed: int = 3000) -> list[float]:

@@ -35,11 +35,10 @@ from identify import Scene as FitScene
 from identify.effects import MAIN
 from identify.model.model import Model, assemble
 from identify.shooting.accuracy import LEVELS
-from identify.simulation.cost import cost
 from identify.simulation.drive import Drive, NormalForce
 from identify.simulation.phases import Machine, Phase, phases
 from identify.simulation.plan import Plan, Stepping, scales
-from identify.simulation.simulate import run, simulate
+from identify.simulation.simulate import cost, run, simulate
 from identify.simulation.steppers import HIGH, STIFF, Method
 from identify.simulation.trajectory import Trajectory, distance
 

@@ -35,7 +35,7 @@ from identify.diagnosis.specimens import with_scatter
 from identify.effects import ALL
 from identify.estimation.attempt import Attempt
 from identify.estimation.certainty import Question, certainty
-from identify.estimation.estimator import EstimationTask, Estimator
+from identify.estimation.estimator import EstimationTask, Estimator, Trace, Trial, note, tracing
 from identify.estimation.fit_wording import (
     at_bounds,
     ended,
@@ -50,13 +50,12 @@ from identify.estimation.influence import largest_inflation
 from identify.estimation.search import SearchProblem, alike, search
 from identify.estimation.starts import Sources
 from identify.estimation.stick_strength import with_strengths
-from identify.estimation.strategies import Trace, Trial, note, tracing
 from identify.logs.prepare import Prepared
 from identify.logs.scene_records import prepare_scene, with_drives, with_records
 from identify.logs.unknowns import Unknowns, from_scene, stated_rig, user_start
 from identify.model.model import RIG_PARAMETERS
 from identify.report.log_document import detected_curves, fitted_curves, refused_curves
-from identify.report.result import accuracy_result, result_of
+from identify.report.result import result_of, with_accuracy
 from identify.scene import Scene
 from identify.scene.tables import quantity
 from identify.scene.values import USUAL_TOLERANCES
@@ -169,8 +168,7 @@ def fit(
     processor, in_functions = time.process_time() - worked, Mapped.total - in_functions
     result = result_of(used, logs, findings, seconds, seed, choice)
     if findings.status is Status.CONVERGED:
-        accuracy = accuracy_result(findings, asked.accuracy, processor, in_functions / taken)
-        result = replace(result, accuracy=accuracy)
+        result = with_accuracy(result, findings, asked, processor, in_functions / taken)
     document = (stated if stated.effects != "auto" else used).as_document()
     result = replace(
         result,

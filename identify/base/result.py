@@ -277,13 +277,11 @@ class BootstrapResult:
 
 @dataclass(frozen=True)
 class AccuracyLevel:
-    """One solve of the table of accuracies; shifts against the finest and errors left by parameter; None: unsolved."""
+    """What one level of accuracy costs, and the errors that its steps leave by parameter."""
 
     accuracy: str
     seconds: float | None = None
-    iterations: int | None = None
     steps: int | None = None
-    shift_in_standard_errors: Mapping[str, float | None] | None = None
     left_in_standard_errors: Mapping[str, float | None] | None = None
 
 

@@ -26,8 +26,8 @@ from identify.estimation.fit_wording import WANTED, round_up
 from identify.logs.unknowns import Unknowns
 from identify.model.model import ELONGATION, SPEED
 from identify.prediction.orbit import Cycle, CycleMap, Tangent, check_calculable, load_slopes, rest_slopes
-from identify.shooting.transcription import BOUNDED_START_SD
-from identify.simulation.tangents import stepped
+from identify.shooting.layout import BOUNDED_START_SD
+from identify.simulation.phases import stepped
 
 Array = NDArray[np.float64]
 

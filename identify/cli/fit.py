@@ -20,7 +20,7 @@ from identify.cli.arguments import file_to_write, log_options, positive
 from identify.cli.common import Answer, CommandLineError, Terminal
 from identify.cli.folder import result_folder
 from identify.diagnosis.selection import LOOKED_AT
-from identify.estimation.bootstrap import FEWEST
+from identify.estimation.influence import FEWEST
 from identify.estimation.preview import preview
 from identify.estimation.starts import Sources
 from identify.identification import fit

@@ -20,7 +20,7 @@ from identify.cli.common import Answer, CommandLineError, Terminal
 from identify.diagnosis.effect_choice import choose_from_numbers, effects_result
 from identify.scene import Scene
 from identify.scene.tables import quantity
-from identify.simulation.cost import cost
+from identify.simulation.simulate import cost
 from identify.simulation.simulate import simulate as simulated
 
 MOST_SAMPLES = 2e7  # half a gigabyte of columns

@@ -28,10 +28,10 @@ from identify.diagnosis.quantities import EFFECTS, REACH, Suggestion, held_quant
 from identify.diagnosis.score_test import ALIKE, Column, Score, ScoreTable, score_table
 from identify.estimation.attempt import Attempt, solve_again
 from identify.estimation.covariance import sizes
+from identify.estimation.estimator import Trial, in_time, note, tracing
 from identify.estimation.fit_wording import EXCHANGE, wrong_unit
 from identify.estimation.influence import largest_inflation, noise_of
 from identify.estimation.search import SearchProblem, required_logs, search
-from identify.estimation.strategies import Trial, in_time, note, tracing
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns, stated_rig
 from identify.model.model import RIG_PARAMETERS

@@ -15,8 +15,7 @@ from identify.diagnosis.score_test import score_table
 from identify.estimation.attempt import Attempt
 from identify.estimation.certainty import Certainty
 from identify.estimation.covariance import Estimate, Information
-from identify.estimation.estimator import Estimated
-from identify.estimation.strategies import Trace
+from identify.estimation.estimator import Estimated, Trace
 from identify.logs.unknowns import Unknowns
 from identify.model.model import RIG_PARAMETERS
 from identify.scene import Scene

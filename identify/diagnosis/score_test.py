@@ -18,10 +18,9 @@ from numpy.typing import NDArray
 
 from identify.base.linear import Factors, optimality_matrix
 from identify.logs.log_data import LogData
-from identify.shooting.layout import Layout
+from identify.shooting.layout import Layout, transcribe
 from identify.shooting.passes import Solved
 from identify.shooting.shooting import Problem, samples_of
-from identify.shooting.transcription import transcribe
 
 Array = NDArray[np.float64]
 
@@ -177,7 +176,7 @@ def _differences(solved: Solved, columns: Sequence[Column]) -> tuple[list[Array]
         changed = [column.change(log, curve, column.at, to) for log, curve in zip(logs, curves, strict=True)]
         moved = curves
         if any(new.force is old.force for new, old in zip(changed, logs, strict=True)):  # it moves the motion
-            other_layout = transcribe(changed, solved.formed_from, layout.unknowns, solved.grid)
+            other_layout = transcribe(changed, list(layout.trajectories), layout.unknowns, layout.grid)
             other = Problem(changed, other_layout, problem.moments, problem.pattern)
             z = x / other_layout.scale
             difference = other.evaluate(z, derivatives=False).rows - at_answer

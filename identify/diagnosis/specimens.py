@@ -18,9 +18,9 @@ from identify.base.quantiles import chi_square_exceeded
 from identify.diagnosis.quantities import DIFFERENCE, load_gain, parameter
 from identify.diagnosis.score_test import Column, ScoreTable, score_table
 from identify.estimation.attempt import Attempt, solve_again
+from identify.estimation.estimator import in_time
 from identify.estimation.influence import largest_inflation, noise_of
 from identify.estimation.search import SearchProblem, search
-from identify.estimation.strategies import in_time
 from identify.logs.log_data import LogData
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns

@@ -13,10 +13,9 @@ from identify.base.outcome import Status
 from identify.estimation.goodness_of_fit import Gate, pass_gate
 from identify.logs.prepare import Prepared, beginning, cut_in_last_stick
 from identify.logs.unknowns import Unknowns
-from identify.shooting.following import follow, glide
 from identify.shooting.layout import COARSE_GRID
 from identify.shooting.passes import Solved, solve_in_passes
-from identify.shooting.placing import place
+from identify.shooting.placing import follow, glide, place
 from identify.shooting.shooting_trajectory import ShootingTrajectory, turned_back
 
 Array = NDArray[np.float64]
@@ -24,9 +23,7 @@ PlacedLog = tuple[int, Prepared, ShootingTrajectory]  # number of a log, the log
 
 OBEYS = 1e-7  # largest row of a motion that obeys the model: its misfit counts, though the solver stalled
 BETTER = 2.0  # squares in noise variances by which another motion must fit better to be taken
-MOVES = 2  # how often the motion is simulated from an answer
 HORIZONS = (0.125, 0.25, 0.5, 1.0)  # shares of a programme before it slides steadily, each solved from the one before
-MET = 0.2  # of the noise variance: a beginning that misfits by more is not met
 
 
 @dataclass(frozen=True)
@@ -48,12 +45,6 @@ class Attempt:
     def names(self) -> list[str]:
         """Of its logs."""
         return [log.name for log in self.fitted_logs]
-
-    @property
-    def cost_per_sample(self) -> float | None:
-        """Sum of squares in noise variances per sample; None where there is none."""
-        cost = 2.0 * self.solved.solution.cost / max(self.solved.problem.samples, 1)
-        return cost if np.isfinite(cost) else None
 
     @property
     def excess(self) -> float:
@@ -127,7 +118,7 @@ def _simulated_and_solved(
     """Solve from a start, and from the motion simulated at the answer where its sequence of phases is another one; the
     one that fits better is kept."""
     attempt = solve_placed(placed, unknowns, cost_cutoff)
-    for _ in range(MOVES):
+    for _ in range(2):
         solved = attempt.solved
         if solved.solution.cost > cost_cutoff or not np.all(np.isfinite(solved.theta)) or time_is_up():
             break
@@ -156,7 +147,7 @@ def _by_horizons(prepared: list[Prepared], numbers: Sequence[int], unknowns: Unk
         if len(placed) < len(numbers) or time_is_up():
             return None
         attempt = _simulated_and_solved(logs, placed, unknowns)
-        if not abs(attempt.gate.chi2_per_sample - 1.0) < MET:
+        if not abs(attempt.gate.chi2_per_sample - 1.0) < 0.2:  # it is not met
             return None
         unknowns = replace(unknowns, start=attempt.solved.theta)
     return attempt
@@ -179,18 +170,14 @@ def _simulated(prepared: list[Prepared], attempt: Attempt, unknowns: Unknowns) -
             placed = place_on([form], [0], at_answer)
             modes = [[mode[:2] for mode in motion.modes] for motion in (trajectory, *(one[2] for one in placed))]
             if placed and (backwards or modes[0] != modes[1]):
-                out[-1], changed = (number, placed[0][1], _with_loads_of(placed[0][2], trajectory)), True
+                moved, changed = placed[0][2], True
+                # Loads and strengths of the answer, where it has the same parts (a rest alone has none).
+                counts = [(motion.deviation.size, motion.slip_parts.size) for motion in (moved, trajectory)]
+                same = ("deviation", "slip_deviation", "strength") if counts[0] == counts[1] else ()
+                kept = {name: getattr(trajectory, name) for name in ("own", *same)}
+                out[-1] = number, placed[0][1], replace(moved, **kept)
                 break
     return out if changed else None
-
-
-def _with_loads_of(simulated: ShootingTrajectory, trajectory: ShootingTrajectory) -> ShootingTrajectory:
-    """A simulated motion with the loads and strengths of the answer, where it has the same parts."""
-    counts = [(motion.deviation.size, motion.slip_parts.size) for motion in (simulated, trajectory)]
-    if counts[0] != counts[1]:  # a motion that is nothing but a rest has a part, and no deviation
-        return replace(simulated, own=trajectory.own)
-    names = ("own", "deviation", "slip_deviation", "strength")
-    return replace(simulated, **{name: getattr(trajectory, name) for name in names})
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -216,7 +203,15 @@ def place_on(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns) ->
                 out.append((number, as_far_as_placed(log, trajectory), trajectory))
                 continue
             log = log.as_continuous  # rests are shorter than slips are placed exactly
-        out += [(number, *found) for found in _followed(log, unknowns)]
+        # Of a programme, or of sliding: cut to what the start follows of it.
+        at = unknowns.values(log.data.theta(unknowns.start), log.data.base)
+        if log.fit_mode.name == "sliding":
+            found = glide(unknowns.model, log.data, at)
+        else:
+            found = follow(unknowns.model, log.data, at, begins_sliding=log.fit_mode.begins_sliding)
+        if found is not None:
+            cut = replace(log, data=replace(log.data, end=min(found[1], log.data.end)))
+            out.append((number, cut, found[0]))
     return out
 
 
@@ -225,15 +220,3 @@ def as_far_as_placed(log: Prepared, trajectory: ShootingTrajectory) -> Prepared:
     sticks = trajectory.onset - np.concatenate([[log.data.begin], trajectory.arrest[:-1]])
     typical = float(np.median(sticks[1:])) if sticks.size > 1 else float(sticks[0])
     return cut_in_last_stick(log, float(trajectory.arrest[-1]), typical)
-
-
-def _followed(log: Prepared, unknowns: Unknowns) -> list[tuple[Prepared, ShootingTrajectory]]:
-    """The log of a programme, or of sliding, cut to what the start follows of it; empty where it does not."""
-    p = unknowns.values(log.data.theta(unknowns.start), log.data.base)
-    if log.fit_mode.name == "sliding":
-        gliding = glide(unknowns.model, log.data, p)
-        return [] if gliding is None else [(log, gliding)]
-    found = follow(unknowns.model, log.data, p, begins_sliding=log.fit_mode.begins_sliding)
-    if found is None:
-        return []
-    return [(replace(log, data=replace(log.data, end=min(found.end, log.data.end))), found.trajectory)]

@@ -13,12 +13,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.budget import no_time_limit, time_is_up
+from identify.base.budget import no_time_limit
 from identify.base.outcome import Status
 from identify.base.progress import Progress
 from identify.base.quantiles import LEVEL, NORMAL, chi_square
 from identify.estimation.attempt import Attempt, solve_again
-from identify.estimation.bootstrap import Bootstrap, bootstrap
 from identify.estimation.covariance import (
     IDENTIFIED,
     Estimate,
@@ -26,16 +25,15 @@ from identify.estimation.covariance import (
     estimates,
     information_at,
     sizes,
-    widened,
 )
+from identify.estimation.estimator import FINER_STEPS, in_time, tried
 from identify.estimation.fit_wording import at_bounds, hints, not_determined, onsets
-from identify.estimation.influence import Allowed, allowed, contradiction, imbalance, influence
+from identify.estimation.influence import Allowed, Bootstrap, allowed, bootstrap, contradiction, influence
 from identify.estimation.multistart import OTHER_OPTIMA, Optimum, multistart
-from identify.estimation.profile import CRITICAL, Profiles, converged, profile
-from identify.estimation.strategies import FINER_STEPS, in_time, no_time_for, tried
+from identify.estimation.profile import Profiles, converged, profile
 from identify.logs.unknowns import Unknowns
 from identify.logs.vibration import rhythmic
-from identify.shooting.accuracy import AccuracyRow, FitOptions, accuracy_table
+from identify.shooting.accuracy import FitOptions
 from identify.shooting.layout import kept_parameters
 from identify.shooting.passes import Solved, goes_as_far_as_it_can
 
@@ -43,10 +41,6 @@ Array = NDArray[np.float64]
 
 POORLY = 0.13  # standard error of a logarithm: an interval of a quarter each way, of which one curvature says little
 CURVED = 0.012  # standard error of a logarithm beyond which the others may follow it on a bent path
-NEARLY = 0.4  # of the longest side of a coefficient that is identified: a bent path may add what is missing
-CURVE_POINTS = 4  # of each side of a profile that is drawn
-AS_IT_WAS = 0.05  # standard errors by which an answer moves that leave its covariance as it was
-HELD = 4.0  # squared distance from which on an active event bound holds an answer: two standard errors
 
 
 @dataclass(frozen=True)
@@ -70,12 +64,10 @@ class Certainty:
     attempt: the answer, in a lower optimum where one was met.
     information: of all parameters.
     allowed: covariances for white noise and with all that is allowed for; the noise of each log.
-    joint: (f + o, f + o) covariance with the parameters of single groups, wide enough for the likely points of profiles
-        and optima.
     estimates: values, standard errors, intervals and verdicts.
     bounds, hints: sentences, by parameter, on those at a bound and on what would determine them.
     refused: status and sentence where it is no answer after all, though it fits.
-    profiles, bootstrap, accuracy_table: None where not run.
+    profiles, bootstrap: None where not run.
     optima: those that were found, the answer first; empty where none were sought.
     discretisation: error of the integration steps by parameter, in standard errors.
     shares: groups with parameters of their own; of_groups: the estimates beyond the first group's.
@@ -84,14 +76,12 @@ class Certainty:
     attempt: Attempt
     information: Information
     allowed: Allowed
-    joint: Array
     estimates: list[Estimate]
     bounds: Mapping[str, str]
     hints: Mapping[str, str]
     refused: tuple[Status, str] | None = None
     profiles: Profiles | None = None
     bootstrap: Bootstrap | None = None
-    accuracy_table: list[AccuracyRow] | None = None
     optima: Sequence[Optimum] = ()
     discretisation: Mapping[str, float] = field(default_factory=dict)
     shares: list[Share] = field(default_factory=list)
@@ -100,7 +90,7 @@ class Certainty:
     @property
     def covariance(self) -> Array:
         """Covariance (f, f) with all that is allowed for."""
-        return self.joint[: len(self.allowed.white), : len(self.allowed.white)]
+        return self.allowed.covariance
 
     @property
     def region(self) -> float:
@@ -133,69 +123,60 @@ def certainty(attempt: Attempt, q: Question) -> Certainty | None:
     if not known.known:
         return None
     optima, profiles, refused = list[Optimum](), None, None
-    here = _at(attempt, known, q)
-    if attempt.fits:
-        refused = _held_by_event(here)
-        if refused is None and _poorly_determined(here, q) and in_time(OTHER_OPTIMA):
-            q.progress("looking for other optima", None)
-            optima = multistart(attempt, q.unknowns, q.seed, here.covariance)
-            if optima[0].attempt is not attempt:
-                attempt = optima[0].attempt
-                here = _at(attempt, information_at(attempt.solved, q.unknowns), q)
-                refused = _held_by_event(here)
-        if refused is None and (along := _profiled(here, q)):
-            here, profiles, refused = _with_profiles(here, along, optima, q)
-        if refused is None and not here.bounds:  # at a bound the scores do not cancel
-            refused = _held_by_event(here)
-            if refused is None and len(here.attempt.log_numbers) > 1:
-                message = contradiction(here.attempt, q.unknowns, q.base, here.allowed.noise)
-                refused = (Status.MODEL_MISFIT, message) if message else None
+    here, fits = _at(attempt, known, q), attempt.fits
+    if fits and _poorly_determined(here, q) and in_time(OTHER_OPTIMA):
+        q.progress("looking for other optima", None)
+        optima = multistart(attempt, q.unknowns, q.seed, here.covariance)
+        if optima[0].attempt is not attempt:
+            here = _at(optima[0].attempt, information_at(optima[0].attempt.solved, q.unknowns), q)
+    if fits:
+        profiles = _profiles(here, q, restart=True)
+    if profiles is not None and profiles.lower is not None:  # the fit starts again from there, once
+        here, refused = _restarted(here, profiles, q)
+        profiles = None if refused is not None else _profiles(here, q, restart=False)
+    if profiles is not None:
+        halves = np.zeros(q.unknowns.free.size)
+        halves[q.unknowns.free] = NORMAL * np.sqrt(np.diag(here.covariance))
+        for other in here.within(optima):
+            profiles = profiles.with_optimum(q.unknowns, other.attempt.solved.theta, halves)
+        here = _at(here.attempt, here.information, q, profiles)
+    if fits and refused is None and not here.bounds:  # at a bound of a parameter the scores do not cancel
+        if message := active_event_bound(here.attempt.solved, here.attempt.names):
+            refused = Status.WRONG_EVENT_COUNT, message
+        elif len(here.attempt.log_numbers) > 1:
+            message = contradiction(here.attempt, q.unknowns, q.base, here.allowed.noise)
+            refused = (Status.MODEL_MISFIT, message) if message else None
     shares, of_groups = _groups(here, q)
-    judged = _without_late(here, profiles, q) if refused is None and here.attempt.fits else here.estimates
-    out = replace(here, refused=refused, profiles=profiles, optima=optima, estimates=judged)
-    out = replace(out, discretisation=discretisation, shares=shares, of_groups=of_groups)
-    if refused is not None or not out.attempt.fits:
-        return out
-    with no_time_limit():
-        if q.options.bootstrap:
-            size, count = np.sqrt(np.diag(out.allowed.white)), q.options.bootstrap
-            made = bootstrap(out.attempt, q.unknowns, out.allowed.noise, size, count, seed=q.seed, progress=q.progress)
-            out = replace(out, bootstrap=made)
-        if q.options.accuracy_table:
-            q.progress("table of accuracies", None)
-            logs, size = here.attempt.fitted_logs, np.sqrt(np.diag(out.covariance))
-            out = replace(out, accuracy_table=accuracy_table(logs, here.attempt.solved, q.unknowns, size))
-    return out
+    here = replace(here, refused=refused, profiles=profiles, optima=optima)
+    here = replace(here, discretisation=discretisation, shares=shares, of_groups=of_groups)
+    if refused is not None or not here.attempt.fits:
+        return here
+    here = replace(here, estimates=_without_late(here, q))
+    if count := q.options.bootstrap:
+        size = np.sqrt(np.diag(here.allowed.white))
+        with no_time_limit():
+            made = bootstrap(
+                here.attempt, q.unknowns, here.allowed.noise, size, count, seed=q.seed, progress=q.progress
+            )
+        here = replace(here, bootstrap=made)
+    return here
 
 
-def _at(
-    attempt: Attempt, known: Information, q: Question, profiles: Profiles | None = None, optima: Sequence[Optimum] = ()
-) -> Certainty:
-    """What is known at an answer: from its covariance, profiles, and the other optima that the data do not rule out."""
+def _at(attempt: Attempt, known: Information, q: Question, profiles: Profiles | None = None) -> Certainty:
+    """What is known at an answer: from its covariance, and from profiles."""
     solved, unknowns = attempt.solved, q.unknowns
-    theta, free = solved.theta, unknowns.free
-    seen = allowed(attempt, known, q.speed_error, unknowns.values(theta, q.base))
-    bounds = at_bounds(unknowns, theta)
-    texts = {n: str(hint) for n, hint in hints(attempt.fitted_logs, solved.trajectories, unknowns, theta).items()}
-    out = Certainty(attempt, known, seen, seen.joint.copy(), [], bounds, texts)
-    intervals = {} if profiles is None else {n: (low.end, high.end) for n, (low, high) in profiles.ends.items()}
-    largest, likely, limits = float(np.max(seen.inflation, initial=1.0)), list[Array](), list[float]()
-    if profiles is not None and profiles.likely.size:
-        likely += list(profiles.likely)
-        limits += (profiles.ratios / largest).tolist()
-    for other in out.within(optima):
-        likely.append((other.attempt.solved.theta - theta)[free])
-        limits.append(2.0 * (other.cost - solved.solution.cost) / largest)
-    if likely:
-        f = len(seen.white)
-        out.joint[:f, :f] = widened(seen.covariance, np.array(likely), np.maximum(limits, CRITICAL))
-    found = estimates(unknowns, theta, q.base, out.covariance, at_bound=bounds, hints=texts, profiles=intervals)
-    return replace(out, estimates=not_determined(found, solved.trajectories, texts))
+    seen = allowed(attempt, known, q.speed_error, unknowns.values(solved.theta, q.base))
+    bounds = at_bounds(unknowns, solved.theta)
+    said = hints(attempt.fitted_logs, solved.trajectories, unknowns, solved.theta)
+    texts = {name: str(hint) for name, hint in said.items()}
+    ends = {} if profiles is None else {name: (low.end, high.end) for name, (low, high) in profiles.ends.items()}
+    found = estimates(unknowns, solved.theta, q.base, seen.covariance, at_bound=bounds, hints=texts, profiles=ends)
+    return Certainty(attempt, known, seen, not_determined(found, solved.trajectories, texts), bounds, texts)
 
 
 def _groups(here: Certainty, q: Question) -> tuple[list[Share], list[tuple[Share, Estimate]]]:
-    """Every group's value of every parameter that the scene gives to groups; and the estimates of the groups beyond
-    the first, named "D (V08)"."""
+    """Every group's value of every parameter that the scene gives to groups, and the estimates of the groups beyond the
+    first, named "D (V08)"."""
     attempt, unknowns, solved = here.attempt, q.unknowns, here.attempt.solved
     layout, free = solved.problem.layout, np.flatnonzero(unknowns.free)
     own, out = kept_parameters(layout)[layout.free.size :].tolist(), list[Share]()
@@ -214,7 +195,7 @@ def _groups(here: Certainty, q: Question) -> tuple[list[Share], list[tuple[Share
     for share in (share for share in out if share.place >= 0):
         order = np.where(free == share.index, free.size + share.place, np.arange(free.size))
         theta = np.where(np.arange(unknowns.free.size) == share.index, share.theta, solved.theta)
-        block, bounds = here.joint[np.ix_(order, order)], at_bounds(unknowns, thetas[share.log])
+        block, bounds = here.allowed.joint[np.ix_(order, order)], at_bounds(unknowns, thetas[share.log])
         made = estimates(unknowns, theta, q.base, block, at_bound=bounds, hints=here.hints, profiles={})[share.index]
         beyond.append((share, replace(made, name=f"{made.name} ({share.group})")))
     return out, beyond
@@ -242,34 +223,16 @@ def _profiled(here: Certainty, q: Question) -> list[int]:
     sd, logarithmic = np.sqrt(np.diag(here.covariance)), unknowns.logarithmic[free]
     bent = asked & logarithmic & (sd > CURVED)
     side = NORMAL * sd / sizes(unknowns, unknowns.values(here.attempt.solved.theta, q.base))[free]
-    near = asked & ~logarithmic & (side > NEARLY * IDENTIFIED)
+    # A bent path may add what is missing to the longest side of a coefficient that is identified.
+    near = asked & ~logarithmic & (side > 0.4 * IDENTIFIED)
     return free[bent | near].tolist() if np.any(bent) else []
 
 
-def _with_profiles(
-    here: Certainty, along: list[int], optima: list[Optimum], q: Question
-) -> tuple[Certainty, Profiles | None, tuple[Status, str] | None]:
-    """With profiles; where these meet a lower point, the fit starts again from there, once. An interval holds the other
-    optima that the data do not rule out."""
-    profiles = _profiles(here, along, q, restart=True)
-    if profiles is not None and profiles.lower is not None:
-        here, refused = _restarted(here, profiles, q)
-        if refused is not None:
-            return here, None, refused
-        profiles = _profiles(here, along, q, restart=False)
-    if profiles is not None:
-        halves = np.zeros(q.unknowns.free.size)
-        halves[q.unknowns.free] = NORMAL * np.sqrt(np.diag(here.allowed.covariance))
-        for other in here.within(optima):
-            profiles = profiles.with_optimum(q.unknowns, other.attempt.solved.theta, halves)
-    return _at(here.attempt, here.information, q, profiles, optima), profiles, None
-
-
-def _without_late(here: Certainty, profiles: Profiles | None, q: Question) -> list[Estimate]:
+def _without_late(here: Certainty, q: Question) -> list[Estimate]:
     """The estimates, without intervals where a profile was due and the time did not suffice for it. The covariance of
     what it identifies stays: so far a profile agrees with it, and beyond, it bends away; where some parameter is poorly
     determined the others follow that on a bent path, and only that of what is known sharply does."""
-    names, done = q.unknowns.names, set() if profiles is None else set(profiles.ends)
+    names, done = q.unknowns.names, set() if here.profiles is None else set(here.profiles.ends)
     late = {names[i] for i in _profiled(here, q)} - done
     known = sizes(q.unknowns, q.unknowns.values(here.attempt.solved.theta, q.base))
     known = (CURVED if _poorly_determined(here, q) else POORLY) * known
@@ -289,15 +252,15 @@ def _without_late(here: Certainty, profiles: Profiles | None, q: Question) -> li
     ]
 
 
-def _profiles(here: Certainty, along: list[int], q: Question, *, restart: bool) -> Profiles | None:
-    if time_is_up() and not q.options.profile:
-        no_time_for("profiles")
+def _profiles(here: Certainty, q: Question, *, restart: bool) -> Profiles | None:
+    """Of the parameters that deserve one; None where there are none, or the time is up."""
+    along = _profiled(here, q)
+    if not along or (not q.options.profile and not in_time("profiles")):
         return None
     q.progress("profiles", None)
-    attempt, white = here.attempt, np.sqrt(np.diag(here.allowed.white))
+    white, points = np.sqrt(np.diag(here.allowed.white)), 4 if q.options.profile else 1
     with no_time_limit() if q.options.profile else nullcontext():
-        points = CURVE_POINTS if q.options.profile else 1
-        return profile(attempt.solved, q.unknowns, white, here.allowed.inflation, along, points, restart)
+        return profile(here.attempt.solved, q.unknowns, white, here.allowed.inflation, along, points, restart)
 
 
 def _restarted(here: Certainty, profiles: Profiles, q: Question) -> tuple[Certainty, tuple[Status, str] | None]:
@@ -341,7 +304,7 @@ def fine_enough(
         if solved is not None and (settled := attempt.with_solved(solved)).fits:
             moved = np.abs(solved.theta - attempt.solved.theta)[unknowns.free] / errors
             attempt = settled
-            known = known if np.max(moved, initial=0.0) < AS_IT_WAS else information_at(solved, unknowns)
+            known = known if np.max(moved, initial=0.0) < 0.05 else information_at(solved, unknowns)
     shares: dict[str, float] = {}
     for _ in range(1 + level.refinements):
         if not attempt.fits or not known.known:
@@ -359,20 +322,13 @@ def fine_enough(
             solved = converged(before.solved, before.solved.problem.with_steps(steps), errors)
             if solved is None:
                 return solve_again(before, replace(unknowns, start=before.solved.theta), steps=steps)
-            return before.with_solved(replace(solved, grid=replace(before.solved.grid, steps=steps)))
+            return before.with_solved(solved)
 
         again = tried(FINER_STEPS, refined, before)
         if again is None or again.gate.status is Status.SOLVER_FAILED:
             break  # no reason to give up the answer: what its steps cost is told
         attempt, known = again, information_at(again.solved, unknowns)
     return attempt, known, shares
-
-
-def _held_by_event(here: Certainty) -> tuple[Status, str] | None:
-    """Status and sentence where an answer is held by a phase that can get no shorter. At a bound of a parameter nothing
-    is known of that: the scores do not cancel."""
-    message = None if here.bounds else active_event_bound(here.attempt.solved, here.attempt.names)
-    return None if message is None else (Status.WRONG_EVENT_COUNT, message)
 
 
 def active_event_bound(solved: Solved, names: Sequence[str]) -> str | None:
@@ -386,11 +342,16 @@ def active_event_bound(solved: Solved, names: Sequence[str]) -> str | None:
     places = zip(solved.problem.layout.places, names, strict=True)
     x = solved.solution.x
     held = [name for place, name in places if goes_as_far_as_it_can(solved.problem, x, place.events).any()]
-    try:
-        squared = imbalance(influence(solved)) if held else 0.0
+    if not held:
+        return None
+    try:  # by how far all pulls together move the answer: nothing, unless something holds it that is no information
+        known = influence(solved)
+        total, covariance = known.moves.sum(axis=0), known.covariances.sum(axis=0)
+        size = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+        squared = float(total / size @ np.linalg.solve(covariance / np.outer(size, size), total / size))
     except (np.linalg.LinAlgError, RuntimeError):  # directions that no log determines: their verdicts say so
         return None
-    if squared < HELD:
+    if squared < 4.0:
         return None
     return (
         f"{held[0]}: at this answer a phase is as short as it can be, which moves the answer "

@@ -8,7 +8,7 @@ free, and how it shifts with what was taken as exact.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,8 +26,6 @@ from identify.shooting.shooting import Problem
 Array = NDArray[np.float64]
 
 IDENTIFIED, WEAK = 0.20, 3.0  # interval ends within 20 % of the value; within a factor 3
-ENOUGH = 1.5  # times its limit: the squared distance that a likely point may have
-ROUNDS, ROUNDING = 200, 1e-9
 FARTHEST = 20.0  # a logarithm that is farther off than that is open
 
 
@@ -121,27 +119,6 @@ def inverse(matrix: Array) -> Array:
     return np.asarray(scaled * np.outer(scale, scale))
 
 
-def widened(covariance: Array, away: Array, limits: Array) -> Array:
-    """The covariance (f, f), wide enough that no squared distance exceeds ENOUGH times its limit: where the likelihood
-    is no paraboloid, that of its curvature leaves out points that the data find as likely.
-
-    Args:
-        away: (m, f) likely points, from the answer; limits: (m,) squared distances at which they should lie.
-    """
-    out = np.array(covariance, float)
-    for _ in range(ROUNDS if np.all(np.isfinite(out)) else 0):
-        try:
-            distances = np.sum(away * np.linalg.solve(out, away.T).T, axis=1)
-        except np.linalg.LinAlgError:
-            break
-        far = int(np.argmax(distances / limits))
-        enough = ENOUGH * limits[far]
-        if not distances[far] > enough * (1.0 + ROUNDING):
-            break
-        out = out + (1.0 / enough - 1.0 / distances[far]) * np.outer(away[far], away[far])
-    return out
-
-
 @dataclass(frozen=True)
 class Estimate:
     """One parameter of a finished fit, SI; numbers are None where there is none to give."""
@@ -179,18 +156,18 @@ def estimates(
             standard errors are: times their correlations they have to be one.
     """
     values = unknowns.values(theta, base)
-    sd = dict(zip(np.flatnonzero(unknowns.free).tolist(), np.sqrt(np.diag(covariance)).tolist(), strict=True))
+    sds = dict(zip(np.flatnonzero(unknowns.free).tolist(), np.sqrt(np.diag(covariance)).tolist(), strict=True))
     size_of, out = sizes(unknowns, values), list[Estimate]()
     for i, declared in enumerate(unknowns.model.parameters):
         value, name = float(values[i]), declared.name
         nothing = Estimate(name, declared.unit, value, None, None, None, "fixed", "not estimated")
-        if i not in sd:
+        if (sd := sds.get(i)) is None:
             out.append(nothing)
             continue
         if name in at_bound:
             out.append(replace(nothing, verdict="at bound", reason=at_bound[name]))
             continue
-        curvature = float(theta[i] - NORMAL * sd[i]), float(theta[i] + NORMAL * sd[i])
+        curvature = float(theta[i] - NORMAL * sd), float(theta[i] + NORMAL * sd)
         ends, walls = list(profiles.get(name, curvature)), list[str]()
         for side, (word, bound) in enumerate((("lower", unknowns.lower[i]), ("upper", unknowns.upper[i]))):
             end = ends[side]
@@ -207,10 +184,10 @@ def estimates(
             reason = hints.get(name, "not identifiable from these data")
             out.append(replace(nothing, lower=low, upper=high, verdict="not identifiable", reason=reason))
             continue
-        error = sd[i] * (value if declared.scale == "log" else 1.0)
+        error = sd * (value if declared.scale == "log" else 1.0)
         known = [] if verdict == "identified" else [hints.get(name, "more cycles are needed")]
         if math.isfinite(prior := float(unknowns.prior_deviation[i])):
-            share = min(100.0, 100 * sd[i] ** 2 / prior**2)
+            share = min(100.0, 100 * sd**2 / prior**2)
             known.append(f"its prior (or tolerance) carries {share:.0f} % of the information")
         reason = "; ".join(filter(None, (*known, walled)))
         out.append(Estimate(name, declared.unit, value, float(error), low, high, verdict, reason))
@@ -276,9 +253,17 @@ def added_by_tolerances(known: Information, values: Array, tolerances: Mapping[s
             shares of the normal force (friction_zero, normal_zero); what is absent is exact.
         memory: by how much the autocorrelation of the noise widens a variance.
     """
-    free, n_p = known.free, len(known.unknowns.names)
-    known_of = {name: direction for name, direction in _directions(known, values) if tolerances.get(name)}
-    moves = np.column_stack([np.eye(n_p)[:, free], *known_of.values()])
+    free, unknowns, parameters = known.free, known.unknowns, known.unknowns.model.parameters
+    size = np.where(unknowns.logarithmic, 1.0, values)  # of a relative change
+    rig, coefficient = (np.isin(unknowns.names, names) for names in (RIG_PARAMETERS, COEFFICIENTS))
+    there, of_force = ~rig | (values > 0.0), np.array(["N" in parameter.unit for parameter in parameters])
+    moved_by = {unknowns.names[i]: np.eye(values.size)[i] for i in np.flatnonzero(rig & there & ~unknowns.free)}
+    moved_by["drive_speed"] = there * _by_drive_speed(unknowns, values)
+    moved_by["friction_force"] = size * there * (coefficient | rig | of_force)
+    moved_by["normal_force"] = moved_by["normal_zero"] = -size * coefficient  # of a steady load, a zero is a gain
+    moved_by["friction_zero"] = np.isin(unknowns.names, LEVELS).astype(float)
+    known_of = {name: direction for name, direction in moved_by.items() if tolerances.get(name)}
+    moves = np.column_stack([np.eye(values.size)[:, free], *known_of.values()])
     matrix = moves.T @ (known.data / memory) @ moves
     count = free.size
     matrix[:count, :count] += (known.total - known.data)[np.ix_(free, free)]  # a tap ties mass and stiffness
@@ -291,29 +276,8 @@ def standard_deviations(covariance: Array) -> Array:
     return np.sqrt(np.maximum(np.diag(covariance), 0.0))
 
 
-def _directions(known: Information, values: Array) -> Iterator[tuple[str, Array]]:
-    """How theta (n_p,) moves with a relative error, by what is in error."""
-    unknowns = known.unknowns
-    size = np.where(unknowns.logarithmic, 1.0, values)  # of a relative change
-    units = [parameter.unit for parameter in unknowns.model.parameters]
-    rig = np.array([name in RIG_PARAMETERS for name in unknowns.names])
-    coefficient = np.array([name in COEFFICIENTS for name in unknowns.names])
-    there = ~rig | (values > 0.0)
-    for i in np.flatnonzero(rig & there & ~unknowns.free):
-        yield unknowns.names[i], np.eye(values.size)[i]
-    yield "drive_speed", there * _by_drive_speed(unknowns, values)
-    yield "friction_force", size * there * (coefficient | rig | np.array(["N" in unit for unit in units]))
-    yield "normal_force", -size * coefficient
-    yield "normal_zero", -size * coefficient  # of a steady load, a zero is a gain
-    yield "friction_zero", np.isin(unknowns.names, LEVELS).astype(float)
-
-
 def _by_drive_speed(unknowns: Unknowns, values: Array) -> Array:
-    """How theta (n_p,) moves with a relative error of all drive speeds: a change of the unit of length.
-
-    Args:
-        values: (n_p,) of all parameters [SI].
-    """
+    """How theta (n_p,) moves at values (n_p,) with a relative error of all drive speeds: a change of unit of length."""
     rig = np.array([name in RIG_PARAMETERS for name in unknowns.names])
     lengths = np.array([LENGTHS.get(parameter.unit, 0.0) for parameter in unknowns.model.parameters])
     return np.asarray(np.where(unknowns.logarithmic, 1.0, values) * np.where(rig, -1.0, lengths))

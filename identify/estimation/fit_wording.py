@@ -31,7 +31,6 @@ SCATTER_SHOWN = "see the cycle scatter and the classical table in the report"
 
 RESOLVED = 12  # samples of a slip from which on its shape can be read
 WANTED = 25  # samples of a slip to ask for
-UNITS = 30.0  # factor by which sticks rise too slowly where a unit is wrong: nothing soft in series does that
 STEEPER = 5.0  # and by which they rise too fast: nothing in series does that, and no rig value is so wrong
 STICKS, AGREE = 2, 0.3  # sticks that a unit has to be wrong in, and how much they may differ: cycles may be misread
 
@@ -64,7 +63,8 @@ def wrong_unit(prepared: Sequence[Prepared], *, placed: bool = True) -> str:
     Args:
         placed: False where the model could not be placed on the logs: less is enough to suspect a unit then.
     """
-    slower = UNITS if placed else STEEPER
+    # Nothing soft in series makes sticks rise thirty times as slowly.
+    slower = 30.0 if placed else STEEPER
     for log in prepared:
         rise = log.segmentation.stick_slope
         if rise is None or log.segmentation.stick_slopes.size < STICKS or rise[1] > AGREE:

@@ -1,5 +1,5 @@
-"""What each sample does to the answer, and what follows: a covariance that allows for autocorrelated noise, and whether
-the logs agree.
+"""What noise does to the answer: sample by sample to first order, from which follow a covariance that allows for
+autocorrelation and whether the logs agree; and by fits repeated on drawn logs.
 
 With U the columns of the inverse of the optimality matrix that belong to the parameters, a residual r with weight w and
 slope x of its curve moves them by U^T x w r. At a common answer the pulls of all logs cancel. With C the covariance of
@@ -17,9 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.linear import Factors, optimality_matrix
-from identify.base.quantiles import chi_square_exceeded
+from identify.base.progress import Progress, to_nobody
+from identify.base.quantiles import LEVEL, chi_square_exceeded
 from identify.estimation.attempt import Attempt
 from identify.estimation.covariance import Information, sizes
+from identify.estimation.profile import MOVED, converged
 from identify.estimation.residual_autocorrelation import WHITE, ArModel, autocorrelated_covariance, autoregression
 from identify.logs.unknowns import Unknowns
 from identify.logs.vibration import rhythmic
@@ -31,8 +33,6 @@ from identify.shooting.shooting import Problem, samples_of
 Array = NDArray[np.float64]
 
 UNINFORMATIVE = 1e-3  # share of the information on a direction: with less, or all but less, nothing can be compared
-CHANCE = 1e-9  # by which noise alone calls a log contradicting
-MATTERS = 0.10  # of its size by which a parameter must move for it: less is a short error bar, and no other answer
 
 
 @dataclass(frozen=True)
@@ -166,7 +166,7 @@ class LogScore:
     @property
     def contradicts(self) -> bool:
         """Whether noise cannot be why it pulls so far."""
-        return self.freedom > 0 and self.squared > chi_square_exceeded(CHANCE, self.freedom)
+        return self.freedom > 0 and self.squared > chi_square_exceeded(1e-9, self.freedom)
 
 
 def scores_of(moves: Array, covariances: Array) -> list[LogScore]:
@@ -179,8 +179,9 @@ def scores_of(moves: Array, covariances: Array) -> list[LogScore]:
     Raises:
         LinAlgError: a covariance that is none.
     """
-    size, half, whitened = _whitened(moves, covariances)
-    out = []
+    size = np.sqrt(np.maximum(np.diag(covariances.sum(axis=0)), 1e-300))
+    half, out = np.linalg.cholesky(covariances.sum(axis=0) / np.outer(size, size)), []
+    whitened = np.linalg.solve(half, (moves / size).T).T
     for number, (move, own) in enumerate(zip(whitened, covariances / np.outer(size, size), strict=True)):
         share, directions = np.linalg.eigh(np.linalg.solve(half, np.linalg.solve(half, own).T))
         compared = (share > UNINFORMATIVE) & (share < 1.0 - UNINFORMATIVE)
@@ -189,20 +190,6 @@ def scores_of(moves: Array, covariances: Array) -> list[LogScore]:
         squared = float(np.sum(along**2 / (share[compared] * rest)))
         out.append(LogScore(number, squared, int(np.count_nonzero(compared)), -shift))
     return out
-
-
-def imbalance(known: Influence) -> float:
-    """Squared distance, in units of its covariance, by which all pulls together move the answer. Nothing, unless
-    something holds it that is no information, an event that can go no farther say. Errors as `scores_of`."""
-    return float(np.sum(_whitened(known.moves, known.covariances)[2].sum(axis=0) ** 2))
-
-
-def _whitened(moves: Array, covariances: Array) -> tuple[Array, Array, Array]:
-    """Standard errors (k,), the Cholesky factor (k, k) of the correlation, and the moves (n, k) in units of both."""
-    covariance = covariances.sum(axis=0)
-    size = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
-    half = np.linalg.cholesky(covariance / np.outer(size, size))
-    return size, np.asarray(half), np.asarray(np.linalg.solve(half, (moves / size).T).T)
 
 
 def contradiction(attempt: Attempt, unknowns: Unknowns, base: Array, noise: Sequence[ArModel]) -> str:
@@ -223,14 +210,20 @@ def contradiction(attempt: Attempt, unknowns: Unknowns, base: Array, noise: Sequ
     free, theta = np.flatnonzero(unknowns.free), attempt.solved.theta
     values, compared = unknowns.values(theta, base), ~rhythmic(unknowns)[free]
     size = np.maximum(sizes(unknowns, values), 1e-300)
+    at_answer = replace(unknowns, start=theta).with_weak_priors()
     against = [score for score in of_logs if score.contradicts and not beside.contradicts]
     for score in sorted(against, key=lambda each: -each.squared):
-        fitted, without = _without_log(attempt, unknowns, score.log), theta.copy()
+        rest = [i for i in range(len(attempt.log_numbers)) if i != score.log]
+        data, motion = [attempt.fitted_logs[i].data for i in rest], [attempt.solved.trajectories[i] for i in rest]
+        # What logs have for themselves lends its place in theta to the first of them.
+        again = None if np.any(unknowns.own) else solve_in_passes(data, motion, at_answer)
+        without = theta.copy()
         without[free] += score.shift[: free.size]
-        others = unknowns.values(without if fitted is None else fitted, base)
+        others = unknowns.values(again.theta if again is not None and again.solution.success else without, base)
         moved = np.where(compared, np.abs((others - values) / size)[free], 0.0)
         worst = int(free[np.argmax(moved)])
-        if np.max(moved) > MATTERS:
+        # What moves by less has a short error bar, and is no other answer.
+        if np.max(moved) > 0.10:
             unit = unknowns.model.parameters[worst].unit
             return (
                 f"{attempt.names[score.log]} contradicts the other logs (squared distance {score.squared:.0f} with "
@@ -241,11 +234,74 @@ def contradiction(attempt: Attempt, unknowns: Unknowns, base: Array, noise: Sequ
     return ""
 
 
-def _without_log(attempt: Attempt, unknowns: Unknowns, log: int) -> Array | None:
-    """The answer (n_p,) of all logs but one, from the common one; None where the solver does not settle, or logs have
-    parameters of their own, which the first of them lends its place in theta."""
-    rest = [i for i in range(len(attempt.log_numbers)) if i != log]
-    at_answer = replace(unknowns, start=attempt.solved.theta).with_weak_priors()
-    data, motion = [attempt.fitted_logs[i].data for i in rest], [attempt.solved.trajectories[i] for i in rest]
-    solved = None if np.any(unknowns.own) else solve_in_passes(data, motion, at_answer)
-    return solved.theta if solved is not None and solved.solution.success else None
+# ----------------------------------------------------------------------------------------------------------------------
+# Parametric bootstrap: the fit repeated on logs drawn from its answer.
+#
+# A replicate is the fitted curve with new noise of the variance and autocorrelation of the residuals, and priors about
+# means that are drawn as wide as they are; it is solved again from the answer (Efron and Tibshirani, An Introduction to
+# the Bootstrap, 1993, section 6.5). Intervals are percentiles of the replicates.
+# ----------------------------------------------------------------------------------------------------------------------
+
+FEWEST = 40  # replicates from which on an interval is given
+
+
+@dataclass(frozen=True)
+class Bootstrap:
+    """Replicates (r, f) of the free theta, which of those that were asked for settled, and intervals (f, 2): NaN with
+    too few."""
+
+    replicates: Array
+    settled: NDArray[np.bool_]
+    interval: Array
+
+
+def bootstrap(
+    attempt: Attempt,
+    unknowns: Unknowns,
+    noise: Sequence[ArModel],
+    sizes: Array,
+    count: int,
+    *,
+    seed: int = 0,
+    progress: Progress = to_nobody,
+) -> Bootstrap:
+    """Replicates of an answer, and intervals from them.
+
+    Args:
+        noise: of each log; sizes: (f,) standard errors of the free theta; count: of replicates.
+    """
+    solved, random = attempt.solved, np.random.default_rng(seed)
+    layout, free = solved.problem.layout, unknowns.free
+    levels = np.broadcast_to(attempt.gate.levels, len(noise)).tolist()
+    weak = replace(unknowns, start=solved.theta).with_weak_priors()
+    thetas, settled = list[Array](), np.zeros(count, bool)
+    for number in range(count):
+        progress("bootstrap", None)
+        logs = []
+        for log, curve, model, level in zip(solved.problem.logs, solved.fitted, noise, levels, strict=True):
+            drawn = np.sqrt(level) * log.noise * drawn_noise(model, log.time.size, random)
+            logs.append(replace(log, force=np.where(np.isfinite(curve), curve + drawn, log.force)))
+        off = np.where(np.isfinite(layout.prior_sd), layout.prior_sd, 0.0) * random.standard_normal(layout.size)
+        problem = Problem(logs, replace(layout, prior_mean=layout.prior_mean + off), pattern=solved.problem.pattern)
+        again = converged(solved, problem, sizes, MOVED)
+        if again is None:  # its events left their samples
+            again = solve_in_passes(logs, solved.trajectories, weak)
+        settled[number] = again.solution.success
+        if settled[number]:
+            thetas.append(again.theta[free])
+    replicates, interval = np.array(thetas).reshape(-1, sizes.size), np.full((sizes.size, 2), np.nan)
+    if len(replicates) >= FEWEST:
+        tails = [0.5 - LEVEL / 2, 0.5 + LEVEL / 2]
+        interval = np.quantile(replicates, tails, axis=0, method="weibull").T
+    return Bootstrap(replicates, settled, interval)
+
+
+def drawn_noise(model: ArModel, count: int, random: np.random.Generator) -> Array:
+    """Noise (n,) of variance 1 with this autoregression."""
+    if model.white:
+        return random.standard_normal(count)
+    from scipy.signal import lfilter  # which takes a third of a second to load
+
+    settling = 1000  # samples after which an autoregression has forgotten where it began
+    new = np.sqrt(model.innovation) * random.standard_normal(count + settling)
+    return np.asarray(lfilter([1.0], np.concatenate([[1.0], -model.regression]), new)[settling:])

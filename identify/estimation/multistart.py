@@ -15,16 +15,16 @@ from numpy.typing import NDArray
 from identify.base.budget import time_is_up
 from identify.base.quantiles import LEVEL, chi_square
 from identify.estimation.attempt import Attempt, place_on, solve_again, solve_from
+from identify.estimation.estimator import no_time_for, tried
 from identify.estimation.profile import converged
 from identify.estimation.starts import apart, features_of
-from identify.estimation.strategies import no_time_for, tried
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.logs.vibration import quieted, rhythmic
 from identify.shooting.layout import COARSE_GRID
+from identify.shooting.passes import Solution, solve
 from identify.shooting.shooting import shooting_problem
 from identify.shooting.shooting_trajectory import ShootingTrajectory
-from identify.shooting.solve import Solution, solve
 from identify.shooting.starts import GOOD, candidates, fit_features
 
 Array = NDArray[np.float64]

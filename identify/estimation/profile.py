@@ -13,19 +13,19 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from identify.base.budget import time_is_up
 from identify.base.linear import Factors, optimality_matrix
 from identify.base.quantiles import LEVEL, chi_square
 from identify.estimation.covariance import WEAK
-from identify.estimation.strategies import no_time_for
+from identify.estimation.estimator import no_time_for
 from identify.logs.unknowns import Unknowns
 from identify.shooting.layout import kept_parameters
-from identify.shooting.passes import SETTLED, Solved
+from identify.shooting.passes import SETTLED, Solved, solve
 from identify.shooting.shooting import Problem, shooting_problem
 from identify.shooting.shooting_trajectory import ShootingTrajectory
-from identify.shooting.solve import solve
 
 Array = NDArray[np.float64]
 
@@ -33,10 +33,7 @@ CRITICAL = chi_square(LEVEL, 1)  # of the likelihood ratio 2 (cost - smallest co
 BETTER = 0.5  # by which 2 cost must be smaller for a point to count as lower than the answer
 REACH_LOG = 3.0 * float(np.log(WEAK))  # of a logarithm: farther than a verdict asks, ends of others depend on open ones
 REACH_STEP, REACH_VALUE = 0.9, 1.05 * (1.0 - 1.0 / WEAK)  # of a coefficient: of mu_s - mu_k0, and of its own value
-CLOSE = 0.05  # of a side, by which an end is extrapolated
-FAR = 1.3  # of the root of the critical ratio: from a point no farther, an end is interpolated
-FARTHER, SHORTER, SHORTEST = 2.5, 0.3, 0.05  # times the step before; and of that of the covariance
-POINTS, SOLVES = 20, 3  # of one side: at most, and of these by IPOPT, where Newton's method finds none
+SHORTER, SHORTEST = 0.3, 0.05  # times the step before; and of that of the covariance
 FREE = -1  # no parameter is fixed
 
 
@@ -61,15 +58,12 @@ class Curve:
 @dataclass(frozen=True)
 class Profiles:
     """Profile intervals and curves by parameter; a point that lies lower than the answer (None: there is none) and the
-    likelihood ratio by which it does; likely (m, f): outermost points on the profiles, from the answer, and the
-    likelihood ratios (m,) at them, for white noise."""
+    likelihood ratio by which it does."""
 
     ends: dict[str, tuple[Side, Side]]
     curves: Mapping[str, Curve] = field(default_factory=dict)
     lower: ProfilePoint | None = None
     gain: float = 0.0
-    likely: Array = field(default_factory=lambda: np.empty((0, 0)))
-    ratios: Array = field(default_factory=lambda: np.empty(0))
 
     def with_optimum(self, unknowns: Unknowns, theta: Array, halves: Array) -> Profiles:
         """With intervals that hold another optimum (n_p,) too, and `halves` (n_p,) on both sides of it."""
@@ -100,16 +94,16 @@ def profile(
         restart: end at the first point that lies lower than the answer.
     """
     search = _Search(solved, unknowns, sizes)
-    around = search.problem_about(solved.theta, solved.formed_from)
+    around = search.problem_about(solved.theta, list(solved.problem.layout.trajectories))
     both = np.concatenate([solved.solution.z, solved.solution.multipliers])
     answer = search.point(around, both, FREE).cost
-    lowest = _newton(around.problem, both, sizes)
+    lowest = _newton(around, both, sizes)
     best = None if lowest is None else search.point(around, lowest, FREE)
     best = best or search.by_ipopt(solved.theta, solved.trajectories, FREE)
     if best is None:
         return Profiles({})
     place = {index: number for number, index in enumerate(np.flatnonzero(unknowns.free).tolist())}
-    sides, seen, outermost = dict[int, tuple[Side, Side]](), [best], list[ProfilePoint]()
+    sides, seen = dict[int, tuple[Side, Side]](), [best]
     for index in only:
         root = float(np.sqrt(CRITICAL * inflation[place[index]]))
         (low, down), (high, up) = (
@@ -119,7 +113,6 @@ def profile(
             no_time_for("profiles")
             break
         sides[index] = low, high
-        outermost += [[best, *down][-1], [best, *up][-1]]
         seen += [*down, *up]
         if restart and 2.0 * (answer - min(point.cost for point in seen)) > BETTER:
             break
@@ -138,9 +131,7 @@ def profile(
         mine = sorted((p for p in seen if p.fixed in (FREE, index)), key=lambda p: -p.cost)
         loss = {float(p.theta[index]): p.ratio(best) / wider for p in mine}
         curves[name] = Curve(np.array(sorted(loss)), np.array([loss[theta] for theta in sorted(loss)]))
-    likely = np.array([(p.theta - solved.theta)[unknowns.free] for p in outermost])
-    ratios = np.array([p.ratio(best) for p in outermost])
-    return Profiles(ends, curves, lower if gain > BETTER else None, gain, likely, ratios)
+    return Profiles(ends, curves, lower if gain > BETTER else None, gain)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -159,14 +150,22 @@ def _side(
     """
     sign, step = float(np.sign(size)), limit * abs(size)  # where the covariance has the end
     centre = float(best.theta[index])
-    reach, walled = _reach(search.unknowns, best.theta, index, sign)
+    # As far as a verdict asks, or to a bound, which may be of the scene.
+    unknowns, theta = search.unknowns, best.theta
+    static, kinetic = (float(theta[unknowns.names.index(name)]) for name in ("mu_s", "mu_k0"))
+    own = REACH_VALUE * abs(centre) if unknowns.names[index] in ("mu_s", "mu_k0") else 0.0
+    reach = REACH_LOG if unknowns.logarithmic[index] else max(REACH_STEP * (abs(static - kinetic) or 0.1), own)
+    bound = unknowns.lower[index] if sign < 0 else unknowns.upper[index]
+    to_bound, walled = max(float(sign * (bound - centre)), 0.0), False
+    if to_bound < reach:
+        reach, walled = to_bound, bool(unknowns.walls[0 if sign < 0 else 1, index])
     at_reach = Side(centre + sign * reach if walled else None, False, walled)
     if reach <= 0.0:
         return at_reach, []
     path, before = [best], (0.0, 0.0, limit / step)  # distance, root of the likelihood ratio, and its slope
     longest = np.inf if count == 1 else step / count
     length, solves = min(step, longest), 0
-    for _ in range(POINTS + count):
+    for _ in range(20 + count):  # points of a side at most
         target = min(before[0] + length, reach)
         found = search.followed(path[-2:], index, centre + sign * target)
         if found is None and time_is_up():
@@ -174,7 +173,7 @@ def _side(
         if found is None and SHORTER * length > SHORTEST * step:
             length *= SHORTER
             continue
-        if found is None and solves < SOLVES:
+        if found is None and solves < 3:
             # The path bends, as where friction does not depend on speed and its rate may be any: IPOPT goes past that.
             length, solves = min(SHORTER * step, longest), solves + 1
             target = min(before[0] + length, reach)
@@ -184,74 +183,42 @@ def _side(
             break
         root = float(np.sqrt(found.ratio(best)))
         node = target, root, sign * found.slope / root if root > 0.0 else 0.0
-        end = _crossing(before, node, limit)
-        if root > FAR * limit and target - before[0] > SHORTER * step and end is not None:
+        # Where the root reaches its limit: beyond the step on the tangent, inside it on the cubic with the slopes.
+        if root < limit:
+            end = target + (limit - root) / node[2] if node[2] > 0.0 else None
+        else:
+            (ends, roots, slopes) = zip(before, node, strict=True)
+            inside = scipy.interpolate.CubicHermiteSpline(ends, np.array(roots) - limit, slopes).roots(
+                extrapolate=False
+            )
+            chord = before[0] + (target - before[0]) * (limit - before[1]) / (root - before[1])
+            end = float(inside[0]) if inside.size else chord
+        if root > 1.3 * limit and target - before[0] > SHORTER * step and end is not None:
             length = end - before[0]
             continue
         path.append(found)
-        if end is not None and end <= reach and (root >= limit or end - target < CLOSE * target):
+        if end is not None and end <= reach and (root >= limit or end - target < 0.05 * target):
             return Side(centre + sign * end, False), path[1:]
         if target >= reach:
             return at_reach, path[1:]
         wanted = np.inf if end is None else end - target
-        length = float(np.clip(wanted, SHORTEST * step, max(SHORTEST * step, min(FARTHER * length, longest))))
+        length = float(np.clip(wanted, SHORTEST * step, max(SHORTEST * step, min(2.5 * length, longest))))
         before = node
     return Side(None, True), path[1:]
-
-
-def _crossing(before: tuple[float, float, float], node: tuple[float, float, float], limit: float) -> float | None:
-    """Where the root of the likelihood ratio reaches its limit: inside a step on the cubic through both ends with their
-    slopes, beyond it on the tangent; None where it does not. Ends: distance, root, slope."""
-    (start, low, slope), (off, root, rising) = before, node
-    if root < limit:
-        return off + (limit - root) / rising if rising > 0.0 else None
-    h, rise = off - start, root - low
-    cubic = [h * (slope + rising) - 2.0 * rise, 3.0 * rise - h * (2.0 * slope + rising), h * slope, low - limit]
-    inside = [r.real for r in np.roots(cubic) if abs(r.imag) < 1e-9 and -1e-9 <= r.real <= 1.0 + 1e-9]
-    return start + h * (min(inside) if inside else (limit - low) / rise)
-
-
-def _reach(unknowns: Unknowns, theta: Array, index: int, sign: float) -> tuple[float, bool]:
-    """How far a side goes from theta (n_p,) at most: as a verdict asks, or to a bound; whether this is of the scene."""
-    static, kinetic = (float(theta[unknowns.names.index(name)]) for name in ("mu_s", "mu_k0"))
-    own = REACH_VALUE * abs(float(theta[index])) if unknowns.names[index] in ("mu_s", "mu_k0") else 0.0
-    reach = REACH_LOG if unknowns.logarithmic[index] else max(REACH_STEP * (abs(static - kinetic) or 0.1), own)
-    bound = unknowns.lower[index] if sign < 0 else unknowns.upper[index]
-    to_bound = max(float(sign * (bound - theta[index])), 0.0)
-    return (to_bound, bool(unknowns.walls[0 if sign < 0 else 1, index])) if to_bound < reach else (reach, False)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
 # The points of a profile: continuation of the optimality conditions in the fixed parameter.
 # ----------------------------------------------------------------------------------------------------------------------
 
-PREDICTED, REASSIGNED = 2.0, 5.0  # standard errors of the first correction at most; where samples are assigned again
-CONTRACTION = 0.2  # of Newton's steps: above, the matrix is factored again
-NEWTON, CONVERGED, CLOSED = 8, 0.02, 1e-4  # steps, the last one in standard errors, and the largest row
-ITERATIONS, FOLLOWED = 25, 1e-6  # of IPOPT, and the largest row it may leave
-OBEYS = 1e-9  # largest row of an answer
+REASSIGNED = 5.0  # standard errors of the first correction at most, where samples are assigned again
+CONVERGED = 0.02  # standard errors of the last step of Newton's method
 MOVED = 2.0  # samples by which an event may move before the samples are assigned to it again
 
 
-@dataclass(frozen=True)
-class _About:
-    """The problem about a motion of theta (n_p,)."""
-
-    problem: Problem
-    theta: Array
-    trajectories: list[ShootingTrajectory]
-
-    def place(self, index: int) -> int:
-        """Of a parameter among the unknowns; FREE where none is fixed."""
-        return FREE if index == FREE else int(np.flatnonzero(self.problem.layout.free == index)[0])
-
-    def holds(self, z: Array) -> bool:
-        """Whether samples may stay where they are assigned: no event moved too far."""
-        layout, x = self.problem.layout, np.abs(z * self.problem.layout.scale)
-        return all(
-            np.all(x[at.events] <= np.minimum(MOVED * log.interval, np.minimum(-layout.lower, layout.upper)[at.events]))
-            for at, log in zip(layout.places, self.problem.logs, strict=True)
-        )
+def _place(problem: Problem, index: int) -> int:
+    """Of a parameter among the unknowns; FREE where none is fixed."""
+    return FREE if index == FREE else int(np.flatnonzero(problem.layout.free == index)[0])
 
 
 @dataclass(frozen=True)
@@ -263,7 +230,7 @@ class ProfilePoint:
     trajectories: list[ShootingTrajectory]
     cost: float
     fixed: int
-    about: _About
+    problem: Problem
     both: Array
 
     def ratio(self, best: ProfilePoint) -> float:
@@ -273,13 +240,13 @@ class ProfilePoint:
     @cached_property
     def factors(self) -> Factors | None:
         """Of the optimality conditions there."""
-        return _factors(self.about.problem, self.both)
+        return _factors(self.problem, self.both)
 
     @property
     def slope(self) -> float:
         """Derivative of the lowest cost with respect to the theta that is fixed."""
-        place = self.about.place(self.fixed)
-        return float(_conditions(self.about.problem, self.both)[place] / self.about.problem.layout.scale[place])
+        place = _place(self.problem, self.fixed)
+        return float(_conditions(self.problem, self.both)[place] / self.problem.layout.scale[place])
 
 
 def _factors(problem: Problem, both: Array) -> Factors | None:
@@ -315,8 +282,8 @@ def _newton(
     sizes: Array,
     place: int = FREE,
     factors: Factors | None = None,
-    largest: float = PREDICTED,
-    closed: float = CLOSED,
+    largest: float = 2.0,
+    closed: float = 1e-4,
 ) -> Array | None:
     """Unknowns and multipliers (n + m,) that fulfil the conditions of optimality with the unknown at `place` fixed
     (FREE: none), from a prediction; None where Newton's method does not contract at once.
@@ -329,7 +296,7 @@ def _newton(
     kept, n = kept_parameters(layout), layout.size
     own = np.full(kept.size - layout.free.size, float(np.max(sizes)))
     size = np.concatenate([sizes, own]) / layout.scale[kept]
-    for number in range(NEWTON):
+    for number in range(8):
         left = -_conditions(problem, both)
         if place != FREE:
             left[place] = 0.0
@@ -350,7 +317,7 @@ def _newton(
                 tangent = _tangent(problem, factors, place) if tangent is None else tangent
                 step = step - tangent * step[place]
             length = float(np.max(np.abs(step[kept]) / size))
-            if not old or length <= max(CONTRACTION * before, CONVERGED):
+            if not old or length <= max(0.2 * before, CONVERGED):  # else the matrix is factored again
                 break
             factors, old = None, False
         if not length <= (max(before, CONVERGED) if number else largest):
@@ -369,64 +336,66 @@ class _Search:
         self.logs, self.grid, self.sizes = solved.problem.logs, solved.grid, sizes
         self.unknowns, self.weak = unknowns, replace(weak, prior_mean=mean, start=solved.theta)
 
-    def problem_about(self, theta: Array, trajectories: list[ShootingTrajectory]) -> _About:
-        """About a motion."""
-        problem = shooting_problem(self.logs, trajectories, replace(self.weak, start=theta), self.grid)
-        return _About(problem, theta, trajectories)
+    def problem_about(self, theta: Array, trajectories: list[ShootingTrajectory], fixed: int = FREE) -> Problem:
+        """The problem about a motion of theta (n_p,), with a parameter fixed (FREE: none)."""
+        free = self.unknowns.free & (np.arange(theta.size) != fixed)
+        return shooting_problem(self.logs, trajectories, replace(self.weak, start=theta, free=free), self.grid)
 
     def followed(self, path: Sequence[ProfilePoint], index: int, value: float) -> ProfilePoint | None:
         """The point with theta[index] = value, predicted from the last one of a path, or two, with its tangent; None
         where it is not found, or the time is up."""
-        last, about = path[-1], path[-1].about
-        problem, place = about.problem, about.place(index)
+        last, problem = path[-1], path[-1].problem
+        place, layout = _place(problem, index), problem.layout
         if time_is_up() or last.factors is None:
             return None
         tangent = _tangent(problem, last.factors, place)
-        step = value / problem.layout.scale[place] - last.both[place]
+        step = value / layout.scale[place] - last.both[place]
         both = last.both + step * tangent
-        if len(path) > 1 and path[-2].about is about:
+        if len(path) > 1 and path[-2].problem is problem:
             chord = last.both - path[-2].both
             both += (tangent - chord / chord[place]) / chord[place] * step**2
         corrected = _newton(problem, both, self.sizes, place, last.factors)
         if corrected is None:
             return None
-        found = self.point(about, corrected, index)
-        return found if about.holds(corrected[: problem.layout.size]) else self.reassigned(found)
+        found, x = self.point(problem, corrected, index), np.abs(corrected[: layout.size] * layout.scale)
+        room = np.minimum(-layout.lower, layout.upper)
+        stays = (  # whether samples may stay where they are assigned: no event moved too far
+            np.all(x[at.events] <= np.minimum(MOVED * log.interval, room[at.events]))
+            for at, log in zip(layout.places, problem.logs, strict=True)
+        )
+        return found if all(stays) else self.reassigned(found)
 
     def reassigned(self, found: ProfilePoint) -> ProfilePoint | None:
         """A point with the samples assigned to its own events."""
-        about = self.problem_about(found.theta, found.trajectories)
-        dual = found.both[found.about.problem.layout.size :]
-        if about.problem.layout.rows != dual.size:
+        problem = self.problem_about(found.theta, found.trajectories)
+        dual = found.both[found.problem.layout.size :]
+        if problem.layout.rows != dual.size:
             return None
-        start, place = np.concatenate([about.problem.start, dual]), about.place(found.fixed)
-        both = _newton(about.problem, start, self.sizes, place, largest=REASSIGNED)
-        return None if both is None else self.point(about, both, found.fixed)
+        start, place = np.concatenate([problem.start, dual]), _place(problem, found.fixed)
+        both = _newton(problem, start, self.sizes, place, largest=REASSIGNED)
+        return None if both is None else self.point(problem, both, found.fixed)
 
     def by_ipopt(self, theta: Array, trajectories: list[ShootingTrajectory], index: int) -> ProfilePoint | None:
         """The point with theta[index] (FREE: none) as it is, by IPOPT from any motion; None where it fails."""
-        free = self.unknowns.free & (np.arange(theta.size) != index)
-        problem = shooting_problem(self.logs, trajectories, replace(self.weak, start=theta, free=free), self.grid)
-        solution = solve(problem, mu_init=1e-6, iterations=ITERATIONS, exact=True)
-        if not (solution.success and solution.constraint_violation < FOLLOWED and np.all(np.isfinite(solution.x))):
+        problem = self.problem_about(theta, trajectories, index)
+        solution = solve(problem, mu_init=1e-6, iterations=25, exact=True)
+        if not (solution.success and solution.constraint_violation < 1e-6 and np.all(np.isfinite(solution.x))):
             return None
         both = np.concatenate([solution.z, solution.multipliers])
-        return self.reassigned(self.point(_About(problem, theta, trajectories), both, index))
+        return self.reassigned(self.point(problem, both, index))
 
-    def point(self, about: _About, both: Array, index: int) -> ProfilePoint:
+    def point(self, problem: Problem, both: Array, index: int) -> ProfilePoint:
         """Of unknowns and multipliers (n + m,), without the cost of the weak priors and with that of the user's prior
         of what is fixed."""
-        problem, layout = about.problem, about.problem.layout
-        z, theta = both[: layout.size], about.theta.copy()
+        layout, z = problem.layout, both[: problem.layout.size]
         x = z * layout.scale
-        theta[layout.free] = x[: layout.free.size]
+        theta, moved = layout.at(x)
         counted = layout.off_prior(x)[: layout.free.size]
         stated = self.unknowns.off_prior(theta)[self.unknowns.free]
         at = problem.evaluate(z, derivatives=True)
         # Right to second order where rows are not quite closed.
         cost = at.cost + 0.5 * float(stated @ stated - counted @ counted) + float(both[layout.size :] @ at.rows)
-        moved = [place.read(old, x) for place, old in zip(layout.places, about.trajectories, strict=True)]
-        return ProfilePoint(theta, moved, cost, index, about, both)
+        return ProfilePoint(theta, moved, cost, index, problem, both)
 
 
 def converged(solved: Solved, problem: Problem, sizes: Array, farthest: float = SETTLED) -> Solved | None:
@@ -439,7 +408,7 @@ def converged(solved: Solved, problem: Problem, sizes: Array, farthest: float = 
     """
     layout, n = problem.layout, problem.layout.size
     start = np.concatenate([solved.solution.z, solved.solution.multipliers])
-    both = _newton(problem, start, sizes, largest=REASSIGNED, closed=OBEYS)
+    both = _newton(problem, start, sizes, largest=REASSIGNED, closed=1e-9)
     if both is None:
         return None
     x, point = both[:n] * layout.scale, problem.evaluate(both[:n], derivatives=False)
@@ -447,11 +416,9 @@ def converged(solved: Solved, problem: Problem, sizes: Array, farthest: float = 
     shift = max(float(np.max(np.abs(x[at.events]), initial=0.0)) / log.interval for at, log in pairs)
     if shift >= farthest:
         return None
-    theta = solved.theta.copy()
-    theta[layout.free] = x[: layout.free.size]
+    theta, moved = layout.at(x)
     rows = float(np.max(np.abs(point.rows), initial=0.0))
     solution = replace(
         solved.solution, z=both[:n], x=x, cost=point.cost, multipliers=both[n:], constraint_violation=rows
     )
-    moved = [place.read(old, x) for place, old in zip(layout.places, solved.formed_from, strict=True)]
     return replace(solved, problem=problem, solution=solution, trajectories=moved, theta=theta, event_shift=shift)

@@ -21,10 +21,10 @@ from identify.base.budget import time_is_up
 from identify.base.outcome import Status
 from identify.base.progress import Progress, to_nobody
 from identify.estimation.attempt import Attempt, place_on, solve_from, solve_placed, usable
+from identify.estimation.estimator import in_time, tried
 from identify.estimation.goodness_of_fit import loads_stand_in
 from identify.estimation.starts import Sources, starts_of
 from identify.estimation.stick_strength import with_own_strengths, with_strengths
-from identify.estimation.strategies import in_time, tried
 from identify.logs.prepare import Prepared, settled_part
 from identify.logs.unknowns import Unknowns
 

@@ -21,11 +21,7 @@ from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.shooting.passes import Solved
 
-FIRST = 0.05  # of mu_s - mu_k0: scatter of the first solve
-LARGEST = 0.2  # of the same: strong sticks are long ones, which biases t_cr: at 0.15 by one standard error
-ROUNDS = 6
 STEADY = 0.05  # relative change of the scatter from solve to solve that is none
-WORTH = 4.0  # gain in 2 ln(likelihood) from which sticks are said to differ
 RANGE = (float(np.log(1e-4)), float(np.log(1e2)))  # times the scatter before, within which it is looked for
 
 
@@ -45,8 +41,8 @@ def with_own_strengths(attempt: Attempt, prepared: list[Prepared], unknowns: Unk
     if not unknowns.free[unknowns.names.index("mu_s")]:
         return None
     best: Attempt | None = attempt if attempt.fits else None
-    sd = FIRST * unknowns.strength(unknowns.start if best is None else best.solved.theta)
-    for _ in range(ROUNDS):
+    sd = 0.05 * unknowns.strength(unknowns.start if best is None else best.solved.theta)
+    for _ in range(6):
         if time_is_up() or not sd > 0.0:
             return None
         if best is None:
@@ -58,7 +54,8 @@ def with_own_strengths(attempt: Attempt, prepared: list[Prepared], unknowns: Unk
             return None
         # The weak priors of a solve pull all sticks towards where it began: only what a solve with the largest scatter
         # still asks for is too much.
-        likeliest, most = _likeliest(best.solved, sd), LARGEST * unknowns.strength(best.solved.theta)
+        # Strong sticks are long ones, which biases t_cr: at a scatter of 0.15 by one standard error.
+        likeliest, most = _likeliest(best.solved, sd), 0.2 * unknowns.strength(best.solved.theta)
         if likeliest > most and sd > (1.0 - STEADY) * most:
             return None
         before, sd = sd, min(likeliest, most)
@@ -87,4 +84,4 @@ def _likeliest(solved: Solved, sd: float) -> float:
         return float(np.sum(np.log1p(information / prior) - pull**2 / (information + prior)))
 
     best = scipy.optimize.minimize_scalar(deviance, bounds=RANGE, method="bounded")
-    return sd * float(np.exp(best.x)) if best.fun < -WORTH else 0.0
+    return sd * float(np.exp(best.x)) if best.fun < -4.0 else 0.0  # gain in 2 ln(likelihood)

@@ -14,11 +14,10 @@ from identify.base.errors import SimulationError
 from identify.effects import ALL
 from identify.model.model import ELONGATION, SPEED, Model, assemble
 from identify.model.modes import ModeName
-from identify.simulation.phases import Machine, Slide
+from identify.simulation.phases import Machine, Slide, node_slopes, situated_at, stepped
 from identify.simulation.plan import Plan, scales
 from identify.simulation.sliding import growth_rates
 from identify.simulation.steppers import HIGH
-from identify.simulation.tangents import node_slopes, situated_at, stepped
 
 Array = NDArray[np.float64]
 

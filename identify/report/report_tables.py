@@ -120,17 +120,18 @@ def summary(result: Result, costs: bool = False) -> str:
 
 
 def accuracy_rows(table: Sequence[schema.AccuracyLevel]) -> OutputTable:
-    """What each level of accuracy costs, and by how many standard errors it moves each parameter."""
-    names = list(dict.fromkeys(name for level in table for name in level.shift_in_standard_errors or {}))
+    """What each level of accuracy costs, and by how many standard errors its steps move each parameter."""
+    names = list(dict.fromkeys(name for level in table for name in level.left_in_standard_errors or {}))
     rows = []
     for level in table:
-        left = [abs(error) for error in (level.left_in_standard_errors or {}).values() if error is not None]
-        shift = level.shift_in_standard_errors or {}
-        row: list[Cell | int | None] = [Cell(level.accuracy, note="" if shift else "did not solve")]
-        row += [Cell(level.seconds, number(level.seconds, 3)), level.iterations, level.steps]
-        row += [Cell(max(left), f"{number(max(left), 2)} SE") if left else Cell()]
-        rows.append((*row, *(Cell(value, number(value, 2)) for value in map(shift.get, names))))
-    heads = ("accuracy", "seconds", "iterations", "steps", "error left", *map(plain_symbol, names))
+        errors = map((level.left_in_standard_errors or {}).get, names)
+        row: list[Cell | int | None] = [
+            Cell(level.accuracy),
+            Cell(level.seconds, number(level.seconds, 3)),
+            level.steps,
+        ]
+        rows.append((*row, *(Cell(value, number(value, 2)) for value in errors)))
+    heads = ("accuracy", "seconds", "steps", *(f"{plain_symbol(name)} (SE)" for name in names))
     return OutputTable("What accuracy costs", heads, tuple(rows))
 
 

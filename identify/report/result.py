@@ -34,10 +34,10 @@ from identify.estimation.covariance import (
     standard_deviations,
     verdict_of,
 )
+from identify.estimation.estimator import FINER_STEPS
 from identify.estimation.goodness_of_fit import stick_scatter
 from identify.estimation.influence import largest_inflation
 from identify.estimation.profile import CRITICAL
-from identify.estimation.strategies import FINER_STEPS
 from identify.logs.prepare import Prepared
 from identify.logs.recorded_drive import DISAGREES
 from identify.logs.scene_records import parts_of
@@ -47,7 +47,7 @@ from identify.prediction.wording import listed
 from identify.report.log_document import answers_of_logs, load_varies, log_result
 from identify.scene import Scene
 from identify.scene.values import USUAL_TOLERANCES
-from identify.shooting.accuracy import FEWEST_STEPS, Accuracy, accuracy_costs, effect_shares
+from identify.shooting.accuracy import FEWEST_STEPS, FitOptions, accuracy_costs, effect_shares
 
 Array = NDArray[np.float64]
 
@@ -290,7 +290,7 @@ def _correlation(findings: Findings, added: Array | float) -> schema.Correlation
             beyond = findings.sure.of_groups
             order = [*range(free), *(free + share.place for share, _ in beyond)]
             estimates, index = estimates + [e for _, e in beyond], index + [share.index for share, _ in beyond]
-            covariance = findings.sure.joint[np.ix_(order, order)]
+            covariance = findings.sure.allowed.joint[np.ix_(order, order)]
         covariance = covariance.copy()
         covariance[:free, :free] += added
         names = [e.name for e in estimates]
@@ -474,12 +474,12 @@ def _farther(value: float, end: float | None, by: float, logarithmic: bool) -> f
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# How sure it is: profile, bootstrap, table of accuracies, and what the accuracy of the fit cost.
+# How sure it is: profile, bootstrap, and what the accuracy of the fit cost.
 # ----------------------------------------------------------------------------------------------------------------------
 
 
 def _with_depth(result: Result, sure: Certainty, unknowns: Unknowns, base: Array) -> Result:
-    """The result with its optima, and with profile, bootstrap and table of accuracies where they were run.
+    """The result with its optima, and with profile and bootstrap where they were run.
 
     Args:
         base: (n_p,) of the rig the values are given for.
@@ -487,9 +487,6 @@ def _with_depth(result: Result, sure: Certainty, unknowns: Unknowns, base: Array
     free = np.flatnonzero(unknowns.free).tolist()
     names = [unknowns.names[i] for i in free]
     errors = np.sqrt(sure.allowed.inflation * np.diag(sure.allowed.white))  # (f,) of theta
-
-    def by_name(values: Array | None) -> dict[str, float | None] | None:
-        return None if values is None else dict(zip(names, map(finite, values.tolist()), strict=True))
 
     optima = []
     for optimum in sure.optima or ():
@@ -514,12 +511,6 @@ def _with_depth(result: Result, sure: Certainty, unknowns: Unknowns, base: Array
             low, high = (parameter_value(unknowns, i, t, base[i]) if math.isfinite(t) else None for t in interval)
             spread = float(np.std(drawn.replicates[:, k])) if drawn.replicates.shape[0] > 1 else math.nan
             resampled[name] = schema.BootstrapInterval((low, high), finite(spread / float(errors[k])))
-    levels = [
-        schema.AccuracyLevel(
-            row.level.name, row.seconds, row.iterations, row.steps, by_name(row.shift), by_name(row.left)
-        )
-        for row in sure.accuracy_table or ()
-    ]
     if (drawn := sure.bootstrap) is not None:
         unsettled = int(np.count_nonzero(~drawn.settled))
         result = replace(result, bootstrap=schema.BootstrapResult(LEVEL, drawn.settled.size, unsettled, resampled))
@@ -527,7 +518,6 @@ def _with_depth(result: Result, sure: Certainty, unknowns: Unknowns, base: Array
         result,
         profile=None if sure.profiles is None else schema.ProfileResult(LEVEL, CRITICAL, curves),
         optima=tuple(optima) or None,
-        accuracy_table=None if sure.accuracy_table is None else tuple(levels),
     )
 
 
@@ -542,29 +532,32 @@ def _profile_ends(sure: Certainty | None, unknowns: Unknowns, base: Array) -> di
     return out
 
 
-def accuracy_result(
-    findings: Findings, taken: Accuracy, processor: float, share: float
-) -> schema.AccuracyResult | None:
-    """What the accuracy of a fit cost and gives, what the other levels would, and what each effect took of the seconds
-    (processor time, which no other program lengthens); None without an answer.
+def with_accuracy(result: Result, findings: Findings, options: FitOptions, processor: float, share: float) -> Result:
+    """The result with what the accuracy of a fit cost and gives, what the other levels would, and what each effect took
+    of the seconds (processor time, which no other program lengthens); as it is without an answer.
 
     Args:
-        taken: the level of the fit; processor: seconds that it took; share: of them in functions of the model.
+        options: with the level of the fit; processor: seconds that it took; share: of them in functions of the model.
     """
-    if findings.attempt is None or findings.sure is None or not np.any(findings.unknowns.free):
-        return None
-    size, tabled = np.sqrt(np.diag(findings.sure.covariance)), findings.sure.accuracy_table
-    own = processor - max((row.seconds for row in tabled or ()), default=0.0)  # of the fit alone
+    taken, unknowns = options.accuracy, findings.unknowns
+    if findings.attempt is None or findings.sure is None or not np.any(unknowns.free):
+        return result
+    size = np.sqrt(np.diag(findings.sure.covariance))
     halvings = sum(trial.strategy == FINER_STEPS for trial in findings.trace.trials)
     steps = findings.attempt.solved.grid.steps
     first = FEWEST_STEPS if steps < FEWEST_STEPS else max(steps // 2**halvings, FEWEST_STEPS)
-    equations = share * own
-    return schema.AccuracyResult(
-        taken.name,
-        equations,
-        {name: share * equations for name, share in effect_shares(findings.unknowns.model).items()},
-        tuple(
-            schema.LevelCost(c.level, c.steps, max(own + c.seconds, 0.0), finite(c.error), c.level != taken.name)
-            for c in accuracy_costs(findings.attempt.solved, size, taken, first)
-        ),
+    costs = accuracy_costs(findings.attempt.solved, size, taken, first)
+    names = np.array(unknowns.names)[unknowns.free].tolist()
+    levels, table = list[schema.LevelCost](), list[schema.AccuracyLevel]()
+    for cost in costs:
+        seconds, worst = max(processor + cost.seconds, 0.0), finite(float(np.max(np.abs(cost.errors))))
+        levels.append(schema.LevelCost(cost.level, cost.steps, seconds, worst, cost.level != taken.name))
+        errors = dict(zip(names, map(finite, cost.errors.tolist()), strict=True))
+        table.append(schema.AccuracyLevel(cost.level, seconds, cost.steps, errors))
+    equations, shares = share * processor, effect_shares(unknowns.model)
+    effects = {name: part * equations for name, part in shares.items()}
+    return replace(
+        result,
+        accuracy=schema.AccuracyResult(taken.name, equations, effects, tuple(levels)),
+        accuracy_table=tuple(table) if options.accuracy_table else None,
     )

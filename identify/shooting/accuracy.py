@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.errors import FitError, SceneError
-from identify.logs.prepare import Prepared
-from identify.logs.unknowns import Unknowns
 from identify.model.model import Model, assemble
 from identify.shooting.blocks import SlideBlock, block
-from identify.shooting.passes import ORDER, Solved, solve_in_passes
+from identify.shooting.passes import ORDER, Solved
 
 Array = NDArray[np.float64]
 
@@ -64,61 +62,14 @@ def accuracy_of(text: str) -> Accuracy:
 
 
 @dataclass(frozen=True)
-class AccuracyRow:
-    """One level: processor seconds, iterations and steps per interval of a solve; shift (f,) of the free parameters
-    against the finest level and the error its steps leave (f,), in standard errors; None for both where it failed."""
-
-    level: Accuracy
-    seconds: float
-    iterations: int
-    steps: int
-    shift: Array | None
-    left: Array | None
-
-
-def accuracy_table(
-    logs: Sequence[Prepared], answer: Solved, unknowns: Unknowns, size: Array, levels: Sequence[Accuracy] = LEVELS
-) -> list[AccuracyRow]:
-    """Solve once from a start near the answer, then with halved steps until the error suits one level after the other;
-    of each level the seconds until then.
-
-    Args:
-        size: standard errors (f,) of the free parameters; levels: from coarse to fine.
-    """
-    # Started a little beside the answer.
-    begin = np.clip(answer.theta + 0.1 * unknowns.spread * unknowns.free, unknowns.lower, unknowns.upper)
-    data, since = [log.data for log in logs], time.process_time()
-    begin = np.where(unknowns.free, begin, answer.theta)
-    solved = solve_in_passes(data, answer.trajectories, replace(unknowns, start=begin).with_weak_priors())
-    iterations, reached = solved.iterations, list[tuple[Accuracy, Solved, float, int]]()
-    for level in levels:
-        for _ in range(level.refinements):
-            if not solved.solution.success or np.max(np.abs(solved.discretisation_error / size)) <= level.share:
-                break
-            again = replace(unknowns, start=solved.theta).with_weak_priors()
-            solved = solve_in_passes(data, solved.trajectories, again, steps=2 * solved.grid.steps)
-            iterations += solved.iterations
-        reached.append((level, solved, time.process_time() - since, iterations))
-    finest = next((s for _, s, _, _ in reversed(reached) if s.solution.success), answer)
-    rows = []
-    for level, at_level, seconds, spent in reached:
-        shift, left = None, None
-        if at_level.solution.success:
-            shift = (at_level.theta - finest.theta)[unknowns.free] / size
-            left = at_level.discretisation_error / size
-        rows.append(AccuracyRow(level, seconds, spent, at_level.grid.steps, shift, left))
-    return rows
-
-
-@dataclass(frozen=True)
 class AccuracyCost:
     """What a level takes and leaves: steps per interval, processor seconds more (or less) than the fit that was made,
-    error of the steps in standard errors, the largest of all parameters."""
+    errors of the steps (f,) in standard errors of the free parameters."""
 
     level: str
     steps: int
     seconds: float
-    error: float
+    errors: Array
 
 
 def accuracy_costs(solved: Solved, size: Array, taken: Accuracy, first: int) -> list[AccuracyCost]:
@@ -134,23 +85,22 @@ def accuracy_costs(solved: Solved, size: Array, taken: Accuracy, first: int) -> 
     left = -solved.moved_by_steps(solved.problem.with_steps(2 * steps)) * 2**ORDER / (2**ORDER - 1)
     per_step = HALVING * (time.process_time() - since) / (2 * steps)
 
-    def error_with(count: int) -> float:
+    def errors_with(count: int) -> Array:
         if count < steps and steps % count == 0:
-            return float(np.max(np.abs((left + solved.moved_by_steps(solved.problem.with_steps(count))) / size)))
-        return float(np.max(np.abs(left / size))) * (steps / count) ** ORDER
+            return (left + solved.moved_by_steps(solved.problem.with_steps(count))) / size
+        return left / size * (steps / count) ** ORDER
 
     def seconds_to(count: int) -> float:
-        halved = [count // 2**n for n in range(TIGHT.refinements) if count // 2**n > first]
-        return per_step * sum(halved)
+        return per_step * sum(count // 2**n for n in range(TIGHT.refinements) if count // 2**n > first)
 
     costs, count = list[AccuracyCost](), first
     for level in sorted({*LEVELS, taken}, key=lambda level: -level.share):
         for _ in range(level.refinements):
-            if error_with(count) <= level.share or 2 * count > level.most:
+            if np.max(np.abs(errors_with(count))) <= level.share or 2 * count > level.most:
                 break
             count *= 2
         at = steps if level == taken else count
-        costs.append(AccuracyCost(level.name, at, seconds_to(at) - seconds_to(steps), error_with(at)))
+        costs.append(AccuracyCost(level.name, at, seconds_to(at) - seconds_to(steps), errors_with(at)))
     return costs
 
 
@@ -174,7 +124,7 @@ def effect_shares(model: Model) -> dict[str, float]:
 @dataclass(frozen=True)
 class FitOptions:
     """accuracy: of the integration; profile: every parameter by its profile likelihood; bootstrap: replicates, 0 for
-    none; accuracy_table: what each level costs and changes."""
+    none; accuracy_table: what each level costs, with the errors of every parameter."""
 
     accuracy: Accuracy = DEFAULT
     profile: bool = False

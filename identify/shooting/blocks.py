@@ -44,7 +44,13 @@ class RestBlock:
             slope = (after_force - before_force) / s.duration
             curve = ca.vertcat(before_force - slope * s.offset_start, slope * s.reference)
         else:
-            curve = self._bent(model, s, p, start)
+            t, parts = ca.SX.sym("t"), REST_CELLS
+            meanwhile = s.inputs(s.force_start, s.offset_start + t)
+            force = model.load_cell(model.rest(start, p, meanwhile, t), p, meanwhile)
+            shown = force, ca.jacobian(force, t)
+            fractions = [s.first + (s.last - s.first) * j / parts for j in range(parts + 1)]
+            points = [tuple(ca.substitute(q, t, s.duration * f) for q in shown) for f in fractions]
+            curve = _cells(s, points, fractions[:-1], s.duration * (s.last - s.first) / parts)
         if self.ended_by is None:
             return s, ca.SX(0, 1), curve
         end = s.at_rest(s.end)
@@ -52,17 +58,6 @@ class RestBlock:
         if self.ended_by == "onset":
             rows.append((model.driving_force(end, p, u) - model.grip(end, p, u)) / s.row_scale[SPEED])
         return s, ca.vertcat(*rows), curve
-
-    @staticmethod
-    def _bent(model: Model, s: Symbols, p: ca.SX, start: ca.SX) -> ca.SX:
-        """What the load cell shows between two fractions of a rest that is no straight line: REST_CELLS cubics."""
-        t = ca.SX.sym("t")
-        u = s.inputs(s.force_start, s.offset_start + t)
-        force = model.load_cell(model.rest(start, p, u, t), p, u)
-        rate = ca.jacobian(force, t)
-        fractions = [s.first + (s.last - s.first) * j / REST_CELLS for j in range(REST_CELLS + 1)]
-        points = [tuple(ca.substitute(q, t, s.duration * f) for q in (force, rate)) for f in fractions]
-        return _cells(s, points, fractions[:-1], s.duration * (s.last - s.first) / REST_CELLS)
 
 
 @dataclass(frozen=True)

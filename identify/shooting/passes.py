@@ -1,4 +1,5 @@
-"""Solve in passes: coarse, then fine; after each the samples are assigned anew to the event times of its solution.
+"""Solve a transcribed problem: with IPOPT (the only file that spells its options), and in passes, coarse, then fine;
+after each the samples are assigned anew to the event times of its solution.
 
 A pass assigns samples to integration steps from constant event times. When the last pass moved no event by more than
 half a sample, the assignment and the answer agree. Where a pass fails, it is solved again from where it began within a
@@ -8,57 +9,213 @@ with one that succeeds, until it is gone.
 
 from __future__ import annotations
 
+import math
 import time
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from identify.base.budget import time_is_up
+from identify.base.budget import seconds_left, time_is_up
 from identify.base.linear import optimality_matrix, solve_equilibrated
 from identify.logs.log_data import LogData
 from identify.logs.unknowns import Unknowns
 from identify.shooting.layout import COARSE_GRID, Grid
-from identify.shooting.shooting import Problem, shooting_problem
+from identify.shooting.shooting import Point, Problem, shooting_problem
 from identify.shooting.shooting_trajectory import ShootingTrajectory
-from identify.shooting.solve import Solution, solve
 
 Array = NDArray[np.float64]
+Ports = Sequence[tuple[str, ca.Sparsity]]  # of a function: names and shapes
+
+OUT_OF_ORDER = "Events_Out_Of_Order"
+ALWAYS = {  # options of every solve
+    "print_time": False,
+    "show_eval_warnings": False,  # IPOPT steps back from where a function is not defined
+    "no_nlp_grad": True,
+    "calc_lam_p": False,
+    "calc_lam_x": False,
+    "calc_f": False,
+    "calc_g": False,
+    "ipopt.sb": "yes",
+    "ipopt.print_level": 0,
+    "ipopt.constr_viol_tol": 1e-9,
+    "ipopt.dual_inf_tol": 1e-2,
+    # On a ridge that the data hardly bend, Gauss-Newton creeps: stop where creeping gains nothing.
+    "ipopt.acceptable_iter": 4,
+    "ipopt.acceptable_tol": 1e10,
+    "ipopt.acceptable_dual_inf_tol": 1e10,
+    "ipopt.acceptable_constr_viol_tol": 1e-8,
+    "ipopt.acceptable_compl_inf_tol": 1e-2,
+    "ipopt.nlp_scaling_method": "none",
+    # Rows and columns of the parameters meet all others: an ordering that sets them apart, and no permutation.
+    "ipopt.mumps_pivot_order": 6,  # MUMPS: approximate minimum degree that looks for rows which are all but dense
+    "ipopt.mumps_permuting_scaling": 0,
+    "ipopt.bound_push": 1e-8,
+    "ipopt.bound_frac": 1e-8,
+}
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What the solver gave back: z (n,) scaled unknowns, x (n,) physical ones, its return_status, whether that means
+    success, iterations, cost, largest row, multipliers (m,) of the rows: gradient + J^T multipliers = 0."""
+
+    z: Array
+    x: Array
+    return_status: str
+    success: bool
+    iterations: int
+    cost: float
+    constraint_violation: float
+    multipliers: Array
+
+
+class _NlpCallback(ca.Callback):
+    """One function of the problem as CasADi sees it: of arrays, to arrays, with the names and shapes of both."""
+
+    def __init__(self, name: str, inputs: Ports, outputs: Ports, function: Callable[..., Sequence[ArrayLike]]) -> None:
+        ca.Callback.__init__(self)
+        self._in, self._out, self._function = inputs, outputs, function
+        self.construct(name, {})
+
+    def get_n_in(self) -> int:
+        return len(self._in)
+
+    def get_n_out(self) -> int:
+        return len(self._out)
+
+    def get_name_in(self, i: int) -> str:
+        return self._in[i][0]
+
+    def get_name_out(self, i: int) -> str:
+        return self._out[i][0]
+
+    def get_sparsity_in(self, i: int) -> ca.Sparsity:
+        return self._in[i][1]
+
+    def get_sparsity_out(self, i: int) -> ca.Sparsity:
+        return self._out[i][1]
+
+    def has_eval_buffer(self) -> bool:
+        return True
+
+    def eval_buffer(self, given: Sequence[memoryview], wanted: Sequence[memoryview | None]) -> int:
+        # CasADi's own memory: its matrix objects would cost more than the functions of a long log.
+        arrays = [np.frombuffer(buffer) if buffer is not None else np.zeros(0) for buffer in given]
+        for buffer, value in zip(wanted, self._function(*arrays), strict=True):
+            if buffer is not None:
+                np.frombuffer(buffer)[:] = value
+        return 0
+
+
+def solve(
+    problem: Problem,
+    *,
+    tolerance: float = 1e-8,
+    mu_init: float = 1e-4,
+    iterations: int = 60,
+    exact: bool = False,
+    start: Array | None = None,
+) -> Solution:
+    """Solve the problem from its starting point, or from `start` (n,) scaled.
+
+    Args:
+        tolerance: on the scaled optimality conditions.
+        mu_init: IPOPT's first barrier parameter: small from a good start.
+        iterations: give up after this many.
+        exact: with the exact Hessian instead of Gauss-Newton: dearer per iteration, but it does not creep along
+            ridges; only near a solution.
+
+    Returns:
+        what the solver gave back; a failure with infinite cost where the events of the trajectory do not follow each
+        other.
+    """
+    layout = problem.layout
+    first = problem.start if start is None else start
+    if np.any(layout.lower > layout.upper) or not np.isfinite(problem.evaluate(first, derivatives=False).cost):
+        return Solution(problem.start, layout.start, OUT_OF_ORDER, False, 0, np.inf, np.inf, np.zeros(layout.rows))
+
+    # The problem remembers the last point, so that what IPOPT asks one by one is computed once.
+    def at(z: Array) -> Point:
+        return problem.evaluate(z, derivatives=True)
+
+    def values(z: Array, _p: Array) -> Sequence[ArrayLike]:
+        point = problem.evaluate(z, derivatives=False)
+        return point.cost, point.rows
+
+    def hessian(z: Array, _p: Array, on_cost: Array, on_rows: Array) -> Sequence[ArrayLike]:
+        return ((problem.exact_hessian(z, float(on_cost[0]), on_rows) if exact else on_cost[0] * at(z).hessian).data,)
+
+    x, one, rows = (ca.Sparsity.dense(count) for count in (layout.size, 1, layout.rows))
+    xp, pattern = [("x", x), ("p", ca.Sparsity.dense(0, 1))], problem.pattern
+    jacobian, lower = [("g", rows), ("jac_g_x", pattern.jacobian.sparsity)], pattern.hessian.sparsity
+    nlp = _NlpCallback("nlp", xp, [("f", one), ("g", rows)], values)
+    options = ALWAYS | {
+        "grad_f": _NlpCallback("grad_f", xp, [("f", one), ("grad_f_x", x)], lambda z, _: (at(z).cost, at(z).gradient)),
+        "jac_g": _NlpCallback("jac_g", xp, jacobian, lambda z, _: (at(z).rows, at(z).jacobian.data)),
+        "hess_lag": _NlpCallback(
+            "hess_lag", [*xp, ("lam_f", one), ("lam_g", rows)], [("triu_hess_gamma_x_x", lower)], hessian
+        ),
+    }
+    options |= {
+        "ipopt.tol": tolerance,
+        "ipopt.acceptable_obj_change_tol": 1e-3 / max(1.0, problem.samples / 2),  # of half chi^2 per iteration
+        "ipopt.mu_init": mu_init,
+        "ipopt.max_iter": iterations,
+    }
+    if math.isfinite(left := seconds_left()):
+        options["ipopt.max_wall_time"] = max(left, 0.05)  # [s] also at the last moment
+    solver = ca.nlpsol("identify", "ipopt", nlp, options)
+    bounds = {"lbx": layout.lower / layout.scale, "ubx": layout.upper / layout.scale, "lbg": 0.0, "ubg": 0.0}
+    result = solver(x0=first, **bounds)
+    stats, z = solver.stats(), np.array(result["x"]).ravel()
+    point = problem.evaluate(z, derivatives=False)
+    return Solution(
+        z=z,
+        x=z * layout.scale,
+        return_status=str(stats["return_status"]),
+        success=bool(stats["success"]),
+        iterations=int(stats["iter_count"]),
+        cost=point.cost,
+        constraint_violation=float(np.max(np.abs(point.rows), initial=0.0)),
+        multipliers=np.array(result["lam_g"]).ravel(),
+    )
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# In passes.
+# ----------------------------------------------------------------------------------------------------------------------
 
 ORDER = 4  # of the step formula
 SETTLED = 0.5  # samples: the last event shift
-RETURNED = 1e-4  # samples: events are where they were after an earlier pass
 AT_BOUND = 0.9  # of the way to the next event: as far as an event can go in one pass
-SAMPLE_OF_A_SLIP = 0.2  # of its length: what counts as a sample where samples lie farther apart
 PASSES, MOST_PASSES = 6, 40  # for every start; for one whose curve all but fits: an event comes 2 samples a pass nearer
-ALL_BUT = 1.2  # times the noise variance
 GAUSS_NEWTON, EXACT = 12, 25  # iterations of a pass: more of the one is a ridge, of the other a wrong start
-NEAR = 0.1  # largest row of a motion from which the exact Hessian leads on
-LOST = 10.0  # times the misfit with which a pass began, or the noise: one that ends with more has lost its way
-FIRST_WEIGHT, FACTOR = 100.0, 10.0  # of the trust region, in units of the weakest prior, and its change
-REJECTED = 3  # passes in a trust region that fail before the start is given up
 STEPS = (4, 6, 8, 12)  # RK4 steps per interval of the fine passes
-FASTEST = 0.5  # largest step times the rate |delta_mu_k| a F_n / m
-SLACK = 0.5  # a linear decay is followed well with twice the step
+FASTEST = 0.5  # largest step times the rate |delta_mu_k| a F_n / m; a linear decay is followed well with twice that
 
 
 @dataclass(frozen=True)
 class Solved:
-    """The last pass: problem, grid, the trajectories it was formed from, solution, the trajectories moved to it, theta
-    (n_p,), the largest event shift of the last pass in samples, iterations and passes in all, seconds spent
-    forming problems."""
+    """The last pass: problem, solution, theta (n_p,) and the trajectories there, the largest event shift of the last
+    pass in samples, iterations and passes in all, seconds spent forming problems."""
 
     problem: Problem
-    grid: Grid
-    formed_from: list[ShootingTrajectory]
     solution: Solution
-    trajectories: list[ShootingTrajectory]
     theta: Array
+    trajectories: list[ShootingTrajectory]
     event_shift: float
     iterations: int
     passes: int
     transcription_seconds: float
+
+    @property
+    def grid(self) -> Grid:
+        """Of the last pass."""
+        return self.problem.layout.grid
 
     @cached_property
     def fitted(self) -> list[Array]:
@@ -113,33 +270,33 @@ def solve_in_passes(
         seconds += time.perf_counter() - since
         solution, spent, exact = _solve(problem, coarse=grid is COARSE_GRID, exact=exact)
         iterations += spent
-        theta = unknowns.start.copy()
-        theta[problem.layout.free] = solution.x[: problem.layout.free.size]
-        moved = [place.read(one, solution.x) for place, one in zip(problem.layout.places, trajectories, strict=True)]
+        theta, moved = problem.layout.at(solution.x)
         shift = _shift_in_samples(problem, solution, logs, trajectories)
-        passed = Solved(problem, grid, trajectories, solution, moved, theta, shift, iterations, number, seconds)
+        passed = Solved(problem, solution, theta, moved, shift, iterations, number, seconds)
         begun, misfit = (  # squares in noise variances per sample
             2.0 * cost / max(problem.samples, 1)
             for cost in (problem.evaluate(problem.start, derivatives=False).cost, solution.cost)
         )
-        if not (solution.success and misfit < LOST * max(begun, 1.0)):
+        # A pass that ends with ten times the misfit it began with, or the noise, has lost its way.
+        if not (solution.success and misfit < 10.0 * max(begun, 1.0)):
             failed, failures = failed or passed, failures + 1
-            if failures > REJECTED or time_is_up():
+            if failures > 3 or time_is_up():  # passes in a trust region that fail before the start is given up
                 break
-            weight, exact = FACTOR * weight if weight > 0.0 else FIRST_WEIGHT, False
+            # In units of the weakest prior.
+            weight, exact = 10.0 * weight if weight > 0.0 else 100.0, False
             continue
         accepted, trajectories, unknowns = passed, moved, replace(unknowns, start=theta)
         if weight > 0.0:
-            weight = weight / FACTOR if weight > 1.0 else 0.0
+            weight = weight / 10.0 if weight > 1.0 else 0.0
         elif grid is not COARSE_GRID:
             events = np.concatenate([one.until for one in moved])
-            if shift < SETTLED or any(np.max(np.abs(events - at)) < RETURNED * finest for at in visited):
+            if shift < SETTLED or any(np.max(np.abs(events - at)) < 1e-4 * finest for at in visited):
                 return passed  # at rest, or samples change sides to and fro: the passes to come are those that were
             visited.append(events)
         in_order = all(np.all(np.isfinite(one.until)) and np.all(np.diff(one.until) > 0) for one in moved)
         if solution.cost > cost_cutoff or time_is_up() or not in_order:
             return passed
-        if number >= PASSES and failed is None and misfit > ALL_BUT:
+        if number >= PASSES and failed is None and misfit > 1.2:  # times the noise variance
             return passed
         if weight == 0.0:
             fitting = fine_grid(logs, moved, unknowns)
@@ -155,7 +312,7 @@ def fine_grid(logs: list[LogData], trajectories: list[ShootingTrajectory], unkno
         p = dict(zip(names, unknowns.values(trajectory.theta(unknowns.start), log.base).tolist(), strict=True))
         rate = abs(p.get("delta_mu_k", 0.0)) * p.get("a", 0.0) * log.mean_normal_force / p["mass"]
         decays = np.array(unknowns.model.decays(np.array(list(p.values())))).ravel()
-        rate = max([rate, *(SLACK * decays).tolist()])
+        rate = max([rate, *(0.5 * decays).tolist()])
         longest = np.nanmax(
             np.concatenate([trajectory.arrest - trajectory.wear, (trajectory.arrest - trajectory.onset) / 2, [0.0]])
         )
@@ -175,7 +332,7 @@ def _solve(problem: Problem, *, coarse: bool, exact: bool) -> tuple[Solution, in
         iterations = solution.iterations
     solution = solve(problem, tolerance=tolerance, mu_init=mu_init, iterations=GAUSS_NEWTON)
     iterations += solution.iterations
-    if solution.success or not solution.constraint_violation < NEAR or time_is_up():
+    if solution.success or not solution.constraint_violation < 0.1 or time_is_up():  # far from any motion
         return solution, iterations, False
     solution = solve(problem, tolerance=tolerance, iterations=EXACT, exact=True, start=solution.z)
     return solution, iterations + solution.iterations, solution.success
@@ -189,7 +346,7 @@ def _shift_in_samples(
     for place, log, trajectory in zip(problem.layout.places, logs, trajectories, strict=True):
         if place.events.size:
             slip = float(np.median(trajectory.slips)) if trajectory.slips.size else 0.0
-            interval = min(log.interval, SAMPLE_OF_A_SLIP * slip) if slip > 0.0 else log.interval
+            interval = min(log.interval, 0.2 * slip) if slip > 0.0 else log.interval
             worst = max(worst, float(np.max(np.abs(solution.x[place.events]))) / interval)
             if np.any(goes_as_far_as_it_can(problem, solution.x, place.events)):
                 worst = max(worst, 2.0 * SETTLED)

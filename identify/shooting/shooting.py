@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 
 from identify.logs.log_data import LogData
 from identify.logs.unknowns import Unknowns
-from identify.shooting.layout import Family, Grid, Indices, Layout
+from identify.shooting.layout import Family, Grid, Indices, Layout, transcribe
 from identify.shooting.shooting_trajectory import ShootingTrajectory
-from identify.shooting.transcription import transcribe
 
 Array = NDArray[np.float64]
 

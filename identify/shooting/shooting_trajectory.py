@@ -20,7 +20,6 @@ Indices = NDArray[np.int64]
 Kind = Literal["rest", "slip", "worn", "steady", "steady_worn"]
 End = Literal["onset", "wear", "release", "arrest", "time"]
 
-BACKWARDS = 1e-3  # of the fastest speed of a slip
 # The stretches of a train of cycles by letters, and a train of them.
 LETTERS = {("rest", "onset"): "o", ("slip", "wear"): "w", ("worn", "arrest"): "a", ("slip", "arrest"): "A"}
 TRAIN = re.compile("(o(A|wa))*")
@@ -216,6 +215,6 @@ def turned_back(trajectory: ShootingTrajectory) -> list[NDArray[np.bool_]]:
         if stretch.kind == "slip":
             fastest[part] = max(fastest[part], float(np.max(np.abs(speed))))
     return [
-        (speed < -BACKWARDS * (fastest[part] or np.max(np.abs(speed)))) & (stretch.kind in ("slip", "worn"))
+        (speed < -1e-3 * (fastest[part] or np.max(np.abs(speed)))) & (stretch.kind in ("slip", "worn"))
         for part, stretch, speed in zip(trajectory.part, trajectory.stretches, speeds, strict=True)
     ]

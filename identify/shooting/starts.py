@@ -176,10 +176,8 @@ def _fold(log: LogData, falls: Array, edges: Array) -> tuple[Array, Array, Array
 # ----------------------------------------------------------------------------------------------------------------------
 
 PER_HALF_PERIOD = 24  # steps of a slip in the start fit
-CLOSURE = 0.01  # of the drop: how well arrest forces must agree
 GOOD = 1.0  # cost per residual of a start that is right
 KEPT = 3  # candidates that are followed to the end; as soon as so many leave nothing to explain, the others no further
-NOTHING_LEFT = 0.4  # cost per residual: where an effect lacks, candidates differ in what they make up for it with
 BAD_RESIDUAL = 30.0  # what a cycle that never comes to rest counts as, in standard deviations
 
 
@@ -226,7 +224,8 @@ class _FeatureFit:
         # The middle of the simulated fall is the origin; its position is found on the simulated steps.
         value, slope = waves.with_rates(np.tile(self.times, (s, 1)) + shift.reshape(-1, 1) + middle[:, None])
         period = (stick + waves.duration - np.tile(self.period, s)) * np.tile(self.period_weight, s)
-        closure = (waves.end - arrest.ravel()) / (CLOSURE * np.tile(self.drops, s))
+        # Arrest forces must agree to a hundredth of the drop.
+        closure = (waves.end - arrest.ravel()) / (0.01 * np.tile(self.drops, s))
         out = np.column_stack([(value - np.tile(self.wave, (s, 1))) * weight, period, closure])
         by_shift = np.pad(slope * weight, ((0, 0), (0, 2)))
         out[~ok, :-2] = np.where(weight[~ok] > 0, BAD_RESIDUAL, 0.0)
@@ -330,7 +329,8 @@ def fit_features(
             for after, before in ((moved, moving), (new, point))
         )
         damping = np.clip(np.where(better, damping * 0.2, damping * 5.0), 1e-8, 1e4)
-        right = int(np.count_nonzero(2 * point[0] < NOTHING_LEFT * fold.count)) >= keep
+        # Nothing is left to explain; where an effect lacks, candidates differ in what they make up for it with.
+        right = int(np.count_nonzero(2 * point[0] < 0.4 * fold.count)) >= keep
         if (iteration >= 4 or right) and better.size > keep:
             kept = np.argsort(point[0])[: keep if right else max(keep, better.size // 3)]
             moving, point = [a[kept] for a in moving], [a[kept] for a in point]

@@ -5,22 +5,34 @@ Time is local to the phase: after 800 s of sticking a slip of microseconds loses
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import lru_cache
 
+import casadi as ca
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from identify.base.compiled import Mapped, compiled
 from identify.base.errors import SimulationError
+from identify.base.roots import first_zero
 from identify.model.model import ELONGATION, SPEED, Model
 from identify.model.modes import GUARDS, GuardName, ModeName, sliding_modes
 from identify.simulation.drive import Drive, NormalForce, breaks
-from identify.simulation.plan import Plan, Scales
-from identify.simulation.resting import Resting
-from identify.simulation.stepper import N_GUARDS, SHORTEST, Situated, Stepper, Stop, borrowed, give_back
-from identify.simulation.steppers import Method
+from identify.simulation.plan import Plan, Scales, swing
+from identify.simulation.stepper import (
+    N_GUARDS,
+    SHORTEST,
+    Situated,
+    Stepper,
+    Stop,
+    borrowed,
+    give_back,
+    rate,
+    symbols,
+)
+from identify.simulation.steppers import Method, StepProblem
 
 Array = NDArray[np.float64]
 
@@ -31,37 +43,25 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Phase:
-    """A stretch of one mode, with its nodes (a stick has its two ends only): local times (s,) [s], states (s, n_x).
-
-    `ended_by` is the event that ended it, None when its time was up.
-    """
+    """A stretch of one mode, with its nodes (a stick has its two ends only): times from its start t (s,) [s], states x
+    (s, n_x). `ended_by` is the event that ended it, None when its time was up."""
 
     mode: ModeName
     start: float
     situated: Situated
-    times: Sequence[float] | Array
-    states: Sequence[Sequence[float]] | Sequence[Array] | Array
+    t: Array
+    x: Array
     ended_by: GuardName | None
-
-    @cached_property
-    def t(self) -> Array:
-        """Node times from its start [s], shape (s,)."""
-        return np.asarray(self.times, float)
-
-    @cached_property
-    def x(self) -> Array:
-        """States at the nodes, shape (s, n_x)."""
-        return np.asarray(self.states, float)
 
     @property
     def duration(self) -> float:
         """Length of the phase [s]."""
-        return float(self.times[-1])
+        return float(self.t[-1])
 
     @property
     def end(self) -> Array:
         """State at its end (n_x,)."""
-        return np.asarray(self.states[-1], float)
+        return self.x[-1]
 
 
 @dataclass(frozen=True)
@@ -79,14 +79,104 @@ class Slide(Phase):
     tolerances: Array
 
 
+# ----------------------------------------------------------------------------------------------------------------------
+# How long a resting mass stays at rest: the first time at which the drive overcomes the static limit.
+#
+# Where the breakaway margin (static limit minus force of the drive) is concave in time, as it is for a steady drive and
+# a contact that saturates, it has one zero at most; anything else is scanned (`first_zero`).
+# ----------------------------------------------------------------------------------------------------------------------
+
+_SHARES = np.geomspace(1e-9, 1.0, 24)  # of the longest rest: where its curvature is looked at
+
+
+@lru_cache(maxsize=32)
+def _rest_functions(model: Model) -> tuple[ca.Function, ca.Function, Mapped, Mapped]:
+    """By (x at the start, constants, t): the row (breakaway margin [N], force of the drive [N], state);
+    the largest second derivative of the margin at some times; for many at once the margin, and what it is without what
+    oscillates."""
+    x, c, t, p, u = symbols(model)
+    rested = model.rest(x, p, u, t)
+    force, limit = model.driving_force(rested, p, u), model.grip(rested, p, u)
+    margin = limit - ca.fabs(force)
+    row = ca.Function("row", [x, c, t], [ca.cse(ca.densify(ca.vertcat(margin, force, rested)))])
+    curvature = ca.Function("curvature", [x, c, t], [ca.densify(ca.jacobian(ca.jacobian(margin, t), t))])
+    times = ca.SX.sym("times", _SHARES.size)
+    largest = ca.mmax(ca.vertcat(*(curvature(x, c, at) for at in ca.vertsplit(times))))
+    calm = limit - ca.fabs(model.calm_force(x, p, u, t))
+    many = [Mapped(ca.Function("margins", [x, c, t], [ca.cse(ca.densify(q))])) for q in (margin, calm)]
+    return row, ca.Function("curvatures", [x, c, times], [ca.cse(largest)]), *many
+
+
+class Resting:
+    """Rests of one model; holds buffers, so one per thread."""
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self._x, self._c = np.zeros(len(model.states)), np.zeros(len(model.parameters) + 5)
+        self._t, self._at_shares = np.zeros(1), np.zeros(_SHARES.size)
+        row, curvatures, self._margins, self._calm = _rest_functions(model)
+        self._row, self._curvature = compiled(row), compiled(curvatures)
+        self._row.bind([self._x, self._c, self._t])
+        self._curvature.bind([self._x, self._c, self._at_shares])
+
+    def until(self, x: Array, situated: Situated, limit: float) -> tuple[float | None, Array, float]:
+        """Rest from x (n_x,), its speed zero, for at most `limit` [s].
+
+        Returns:
+            when the static limit is overcome [s] (0: at once; None: not before the limit), the state then or at the
+            limit (n_x,), the force of the drive there [N].
+
+        Raises:
+            SimulationError: too fast a vibration to be looked at.
+        """
+        margin, force = self.margin(x, situated)
+        if margin <= 0.0:
+            return 0.0, x, force
+        onset = None
+        if limit > 0.0:
+            np.multiply(_SHARES, limit, out=self._at_shares)
+            if self.model.vibrates or self._curvature()[0] > 0.0:
+                # Looked at finely only where what oscillates may take the margin to zero.
+                period, swung = swing(self.model, self._c[:-5])
+
+                def margins(times: Array) -> Array:
+                    return self._at(float(times[0]))[:1] if times.size == 1 else self._at_times(self._margins, times)
+
+                def least(times: Array) -> Array:
+                    return self._at_times(self._calm, times) - (1.0 + 1e-12) * swung  # force of what oscillates
+
+                onset = first_zero(margins, limit, period, least)
+            elif self._at(limit)[0] <= 0.0:  # the only zero of a concave margin, to the last digits
+                last = 4.0 * np.finfo(float).eps
+                onset = float(scipy.optimize.brentq(lambda t: self._at(t)[0], 0.0, limit, xtol=1e-300, rtol=last))
+        row = self._at(limit if onset is None else onset)
+        return onset, row[2:].copy(), float(row[1])
+
+    def margin(self, x: Array, situated: Situated) -> tuple[float, float]:
+        """By how much a mass at rest in x (n_x,) withstands the drive [N], and the force of the drive [N]."""
+        self._x[:] = x
+        self._c[:-5], self._c[-5:] = situated.p, situated.numbers
+        row = self._at(0.0)
+        return float(row[0]), float(row[1])
+
+    def _at(self, t: float) -> Array:
+        self._t[0] = t
+        return self._row()
+
+    def _at_times(self, function: Mapped, times: Array) -> Array:
+        """A margin [N] at times (n,) [s]."""
+        return function([*(np.repeat(given[None], times.size, axis=0) for given in (self._x, self._c)), times])[0][:, 0]
+
+
 def rest(rests: Resting, x: Array, situated: Situated, start: float, limit: float) -> Stick:
     """Rest from state x until the static limit is overcome, or for `limit` [s]."""
     x = x.copy()
     x[SPEED] = 0.0
     onset, after, force = rests.until(x, situated, limit)
     until = limit if onset is None else onset
-    times, states = ([0.0, until], [x, after]) if until > 0.0 else ([0.0], [x])
-    return Stick("stick", start, situated, times, states, None if onset is None else "speed", force)
+    nodes = np.array([x, after] if until > 0.0 else [x])
+    t = np.array([0.0, until][: len(nodes)])
+    return Stick("stick", start, situated, t, nodes, None if onset is None else "speed", force)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -94,7 +184,6 @@ def rest(rests: Resting, x: Array, situated: Situated, start: float, limit: floa
 # ----------------------------------------------------------------------------------------------------------------------
 
 MAX_STEPS = 200_000  # of one sliding phase: a bound, so that no scene runs for ever
-PATIENCE = 3000  # trials of one slide after which the next method takes over, where there is one
 FIRST = 1e-3  # of the natural time: the very first step
 FLOOR = 1e-6  # absolute over relative tolerance, of typical states
 ROUNDING = 1e-12  # what the rounding of the forces makes of the speed within a thousandth of the natural time
@@ -168,15 +257,16 @@ class Machine:
                 if row[at.stop]:
                     break
             stop = row[at.stop]
-            if stop == Stop.NOT_YET and not (len(self._left) > 1 and tried > PATIENCE):
+            if stop == Stop.NOT_YET and not (len(self._left) > 1 and tried > 3000):  # then the next method takes over
                 continue
             if stop in (Stop.NOT_YET, Stop.STUCK):
                 break
             by = None if stop == Stop.TIME_IS_UP else self._end(mode, row, times, states)
             self._pace = self.stepper.pace if by in ("clearance", "release") else 0.0
             self._steps = min(MAX_STEPS, self._steps - len(times) + 2000)  # earned by every phase
-            return Slide(mode, situated.time, situated, times, states, by, self.stepper.method, self.tolerances)
-        if len(self._left) > 1:  # the next method takes over for good
+            nodes = np.array(times), np.array(states)
+            return Slide(mode, situated.time, situated, *nodes, by, self.stepper.method, self.tolerances)
+        if len(self._left) > 1:  # for good
             del self._left[0]
             self.stepper = self._next()
             return self.slide(mode, x, situated, limit)
@@ -215,10 +305,17 @@ class Machine:
             fallen = [i for i in exits if row[i] < 0.0 or (row[i] == 0.0 and t > 0.0)]
             length, guard = h, fallen[0]
             if self.locate:
-                length, guard = min(
-                    (from_zero(lambda part, i=i: stepper.trial(mode, x, t, part)[at.n + 1 + i], h), i)  # type: ignore[misc]
-                    for i in fallen
-                )
+                lengths = []
+                for i in fallen:  # where within the step an event function that may start at zero falls to zero
+
+                    def value(part: float, i: int = i) -> float:
+                        return stepper.trial(mode, x, t, part)[at.n + 1 + i]
+
+                    starts = (part * h for part in (0.0, *np.geomspace(0.5, 1e-12, 20).tolist()))
+                    low = next((part for part in starts if value(part) > 0.0), None)
+                    found = low if low is None else scipy.optimize.brentq(value, low, h, xtol=1e-15 * h, rtol=1e-14)
+                    lengths.append((found or 0.0, i))
+                length, guard = min(lengths)
             times.append(t + length)
             states.append(stepper.trial(mode, x, t, length)[: at.n] if length > 0.0 else x)
         after, clamped = states[-1], self.model.clamped
@@ -235,21 +332,15 @@ class Machine:
             SimulationError: where, and what to do.
         """
         i = int(np.argmax(np.abs(slide.x[:, SPEED])))
-        if i == len(slide.times) - 1 and slide.ended_by not in (None, "speed"):
+        if i == slide.t.size - 1 and slide.ended_by not in (None, "speed"):
             return  # it gets faster in the next mode
-        coefficient = self.stepper.coefficient(slide.mode, slide.states[i], slide.times[i])
+        coefficient = self.stepper.coefficient(slide.mode, slide.x[i], slide.t[i])
         if coefficient < -1e-9:  # friction coefficients within this of zero are rounding
             raise SimulationError(
-                f"friction pushes at {slide.start + slide.times[i]:.6g} s (coefficient {coefficient:.3g} at "
-                f"{abs(slide.states[i][SPEED]):.3g} m/s): a law has left its range; let friction fall less with speed "
+                f"friction pushes at {slide.start + slide.t[i]:.6g} s (coefficient {coefficient:.3g} at "
+                f"{abs(slide.x[i, SPEED]):.3g} m/s): a law has left its range; let friction fall less with speed "
                 "and along the track"
             )
-
-
-def from_zero(value: Callable[[float], float], h: float) -> float:
-    """The length within (0, h] of a step at which a value that may start at zero falls to zero."""
-    low = next((f * h for f in (0.0, *np.geomspace(0.5, 1e-12, 20).tolist()) if value(f * h) > 0.0), None)
-    return 0.0 if low is None else float(scipy.optimize.brentq(value, low, h, xtol=1e-15 * h, rtol=1e-14))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -305,3 +396,66 @@ def phases(machine: Machine, drive: Drive, normal_force: NormalForce, duration: 
             if mode == "stick" and model.jumps:
                 x = np.array(model.at_stick(x, p, situated.at(phase.duration))).ravel()
     raise SimulationError(f"the simulation reached {t:.6g} s of {duration:.6g} s in {MAX_PHASES} phases; shorten it")
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# How a slide moves with its start and its setting: exact derivatives of the steps that were taken. The setting w (n_w,)
+# = parameters, normal force [N], drive speed [m/s] holds during a stick and the slip after it.
+# ----------------------------------------------------------------------------------------------------------------------
+
+
+def situated_at(w: Array, direction: float = 1.0, time: float = 0.0) -> Situated:
+    """What holds during a slide at a setting w (n_w,) from a time [s] on."""
+    return Situated(w[:-2], float(w[-1]), direction, float(w[-2]), 0.0, time)
+
+
+@lru_cache(maxsize=64)
+def _step_functions(model: Model, method: Method, mode: ModeName) -> tuple[Mapped, Mapped]:
+    """Of (x and step length, w, direction): x after a step and the rate there; the derivatives of x by x and w."""
+    n_x, n_p = len(model.states), len(model.parameters)
+    given = xh, w, direction = ca.SX.sym("xh", n_x + 1), ca.SX.sym("w", n_p + 2), ca.SX.sym("direction")
+    moving, constants = rate(model, mode), ca.vertcat(w[:n_p], w[n_p + 1], direction, w[n_p], 0, 0)
+    problem = StepProblem(moving, constants, lambda _after: ca.SX.ones(n_x))
+    after, _ = method.step(problem, xh[:n_x], ca.SX(0), xh[n_x])
+    slope = ca.jacobian(after, ca.vertcat(xh[:-1], w)).T
+    results = [after, moving(after, constants, 0)], [slope]
+    values, slopes = (Mapped(ca.Function("step", given, [ca.densify(q) for q in some])) for some in results)
+    return values, slopes
+
+
+def _arguments(slide: Slide, x: Array, lengths: Array) -> list[Array]:
+    count, situated = len(lengths), slide.situated
+    settings = np.repeat(np.append(situated.p, [situated.normal_force, situated.drive_speed])[None], count, axis=0)
+    return [np.concatenate([x, lengths[:, None]], axis=1), settings, np.full(count, situated.direction)]
+
+
+def stepped(model: Model, slide: Slide, x: Array, lengths: Array) -> tuple[Array, Array]:
+    """States (s, n_x) after steps of some lengths (s,) [s] from states x (s, n_x) of a slide, and the rates there."""
+    after, rates = _step_functions(model, slide.method, slide.mode)[0](_arguments(slide, x, lengths))
+    return after, rates
+
+
+def node_slopes(model: Model, slides: Sequence[Slide], onset: Array) -> list[Array]:
+    """Derivatives, at fixed times, of the states at the nodes of slides that follow each other: (nodes, n_x, m) each.
+
+    Args:
+        onset: derivatives (n_x, m) of the first state; the last of the m directions are the setting.
+    """
+    out, moved, n, before = list[Array](), onset, onset.shape[0], None
+    for slide in slides:
+        which = model.clamped if slide.mode == "worn" else None  # released: both motions agree there
+        if before is not None and before.situated.direction != slide.situated.direction:
+            which = SPEED
+        if before is not None and which is not None:  # the jump of the rate times how the time of the switch moves
+            rates = [stepped(model, each, slide.x[:1], np.zeros(1))[1][0] for each in (before, slide)]
+            moved = moved - np.outer(rates[0] - rates[1], moved[which] / rates[0][which])
+        given, nodes = _arguments(slide, slide.x[:-1], np.diff(slide.t)), [moved]
+        (slopes,) = _step_functions(model, slide.method, slide.mode)[1](given)
+        for slope in slopes.reshape(len(slide.t) - 1, n, -1):
+            after = slope[:, :n] @ moved
+            after[:, n - slope.shape[1] :] += slope[:, n:]
+            moved = after
+            nodes.append(moved)
+        out.append(np.array(nodes))
+        before = slide
+    return out

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from identify.base.errors import SimulationError
 from identify.effects import ALL
 from identify.model.model import BASE_STATES, ELONGATION, SPEED, Model
-from identify.simulation.resting import swing
 from identify.simulation.sliding import linearised
 from identify.simulation.steppers import HIGH, STIFF, Method
 
@@ -71,8 +70,6 @@ def admit(model: Model, values: Mapping[str, float], duration: float, start: Map
 # Typical sizes of a scene: they set first steps and absolute tolerances.
 # ----------------------------------------------------------------------------------------------------------------------
 
-BEGINNING = 0.1  # of the time in which a slip that has just begun grows e-fold: no first step is longer
-STIFF_FROM = 300.0  # decay rates times the natural time: explicit steps would be held back by them, not by their error
 SPEEDS = (1e-3, 1e-1)  # of the speed at which one normal force stops the mass: where decays are looked at
 
 
@@ -93,6 +90,15 @@ class Scales:
     stiff: bool = False
 
 
+def swing(model: Model, p: Array) -> tuple[float, float]:
+    """Shortest period [s] of what oscillates in the drive (infinite without), bound of its force on the contact [N]."""
+    if not model.vibrates:
+        return np.inf, 0.0
+    forces, omegas = np.array(model.swings(p)).ravel(), np.array(model.waves(p)).ravel()
+    moving = forces > 0.0
+    return (2.0 * np.pi / float(np.max(omegas[moving])), float(np.sum(forces))) if moving.any() else (np.inf, 0.0)
+
+
 def scales(model: Model, p: Array, normal_force: float) -> Scales:
     """Natural time scale sqrt(m/k), and the states a load of one normal force [N] gives; p (n_p,)."""
     values = dict(zip(model.parameter_names, p.tolist(), strict=True))
@@ -109,9 +115,11 @@ def scales(model: Model, p: Array, normal_force: float) -> Scales:
     slopes[~np.isfinite(slopes).all(axis=(1, 2))] = 0.0
     rates = np.linalg.eigvals(slopes).real
     growth, decay = float(np.max(rates[0])), -float(np.min(rates[1:]))
-    first = BEGINNING / growth if growth > 0.0 else np.inf
+    # No first step is longer than a tenth of the time in which a slip that has just begun grows e-fold.
+    first = 0.1 / growth if growth > 0.0 else np.inf
     # Four steps on one period or wave, at least.
-    return Scales(time, state, swing(model, p)[0] / 4.0, farthest / 4.0, first, decay * time > STIFF_FROM)
+    # Explicit steps would be held back by faster decays, not by their error.
+    return Scales(time, state, swing(model, p)[0] / 4.0, farthest / 4.0, first, decay * time > 300.0)
 
 
 ACCURACY = 1e-10  # where nobody asks and no noise is known
@@ -119,7 +127,6 @@ SAFETY = 10.0  # tolerance of a step: this much finer than the accuracy of the r
 FINEST, COARSEST = 1e-14, 1e-2  # tolerances of a step
 APART = 100.0  # tolerances of two runs whose distance tells the error
 LOOSER_SHARE = 0.1  # of the distance to the looser one of them is at most the error of the tighter one
-TIGHT_SHARE = 1.5  # of it that of the looser one: the tighter one has an error too
 
 
 @dataclass(frozen=True)
@@ -143,7 +150,8 @@ class Plan:
         """A plan to judge this one by, and the share of the distance between the two that is the error of this one:
         a tighter one where there is room for it, else a looser one."""
         if self.rtol / APART >= 1e-13:  # rounding takes over below
-            return Plan(self.rtol / APART, self.methods), TIGHT_SHARE
+            # The tighter one has an error too.
+            return Plan(self.rtol / APART, self.methods), 1.5
         return Plan(self.rtol * APART, self.methods), LOOSER_SHARE
 
 

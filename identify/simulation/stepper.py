@@ -170,7 +170,6 @@ def coefficient(model: Model, mode: ModeName) -> ca.Function:
 MODES: tuple[ModeName, ...] = ("slip", "worn")  # numbered so in a burst
 SHORTEST = 1e-14  # of the natural time: a step shorter than that is no step
 GROWTH, SHRINKING, SAFETY = 10.0, 0.2, 0.9  # of the step length from one trial to the next
-NEAR = 0.1  # the same, of the root of the tolerance: one more is as exact as the step itself
 BEYOND = 2.0  # times the time in which an event function would fall to zero as it falls: no step is longer
 DIPS = 3  # times in a row that a dip is sought more closely
 
@@ -339,7 +338,8 @@ def _locating(control: ca.SX, h: ca.SX, ends: ca.SX, exits: list[int], rtol: ca.
     following = ca.if_else(inside, newton, 0.5 * (low + high))
     move, length = ca.fabs(newton - h), ca.sqrt(rtol) * control[4]
     done = ca.logic_or(ca.logic_or(hit, control[5] > 0.5), ca.logic_or(move <= 1e-15 * h, high - low <= 1e-15 * high))
-    near = ca.logic_and(inside, move <= NEAR * length)
+    # One more step of Newton's method is then as exact as the step itself.
+    near = ca.logic_and(inside, move <= 0.1 * length)
     return done, following, control[1], control[2], low, high, near, 0, Stop.LOCATED * done
 
 

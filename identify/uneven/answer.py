@@ -12,8 +12,7 @@ from identify.base.outcome import Status
 from identify.base.quantiles import LEVEL, NORMAL, chi_square
 from identify.effects import ALL
 from identify.estimation.covariance import Estimate
-from identify.estimation.estimator import Estimated, EstimationTask
-from identify.estimation.strategies import in_time, no_time_for
+from identify.estimation.estimator import Estimated, EstimationTask, in_time, no_time_for
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.model.model import RIG_PARAMETERS
@@ -40,7 +39,6 @@ Array = NDArray[np.float64]
 SCALES = ("strength", "strength_scatter", "weakening_length", "level_wander", "level_roughness")  # pooled as logarithms
 FEWEST = 12  # cycles of a log for an estimate of scatter and wander
 IDENTIFIED, WEAK = 1.2, 3.0  # factors within which both ends of an interval lie
-LARGEST_SCATTER = 0.6  # of the logarithm of the strength: beyond it the law of a stick is none
 CREEP_REACH = 3.0  # logarithm of creep time over typical rest, or its inverse, beyond which none is looked for
 AT_RESTS = 25  # places of the curve of strength against rest
 USED = {  # effects that are followed
@@ -150,9 +148,14 @@ def described(
     has_creep = not withheld and in_time(wording.CREEP)
     creep = creep_interval(records, maximum) if has_creep else (None, None)
     drawn = not withheld and in_time(wording.DRAWN)
-    none = {"reason": withheld or wording.CUT_SHORT}
+    none: dict[str, object] = {"reason": withheld or wording.CUT_SHORT}
+    distributions = none
+    if drawn:  # of the first log
+        begin = Begin(logs[0].cycles.level_after, records[0].arrest, np.min(records[0].drop), records[0].usual_rest)
+        each = drawn_distributions(records[0].rig, begin, maximum.theta, maximum.covariance, task.seed)
+        distributions = {distribution.name: distribution.to_dict() for distribution in each}
     more = {
-        "distributions": _distributions(logs[0], maximum, task.seed) if drawn else none,
+        "distributions": distributions,
         "strength_against_rest": strength_against_rest(maximum, records) if drawn else none,
         "log_likelihood": maximum.log_likelihood,
         "starts": [value if np.isfinite(value) else None for value in maximum.starts],
@@ -190,7 +193,7 @@ def why_withheld(maximum: Maximum, records: Sequence[Sticks]) -> str:
     length = values["strength"] / values["weakening_rate"]
     if length < min(sticks.noise / sticks.rig.stiffness for sticks in records):
         return wording.lost_at_once(length)
-    if values["strength_scatter"] > LARGEST_SCATTER:
+    if values["strength_scatter"] > 0.6:  # of the logarithm of the strength: beyond it the law of a stick is none
         return wording.scatters_too_much(values["strength_scatter"])
     return ""
 
@@ -287,14 +290,6 @@ def creep_estimate(creep: tuple[float | None, float | None], rest: float, by_spe
     if factor > WEAK:
         return Estimate("t_cr", "s", None, None, low, high, "not identifiable", wording.creep(None, None, rest, False))
     return _estimate("t_cr", "s", value, (low, high), float(np.log(factor)) / NORMAL, rest)
-
-
-def _distributions(log: UnevenLog, maximum: Maximum, seed: int) -> dict[str, object]:
-    """As in `distributions` of result.json, of the first log."""
-    sticks = log.sticks
-    begin = Begin(log.cycles.level_after, sticks.arrest, float(np.min(sticks.drop)), sticks.usual_rest)
-    drawn = drawn_distributions(sticks.rig, begin, maximum.theta, maximum.covariance, seed)
-    return {distribution.name: distribution.to_dict() for distribution in drawn}
 
 
 def strength_against_rest(maximum: Maximum, records: Sequence[Sticks]) -> dict[str, object]:

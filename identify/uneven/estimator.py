@@ -22,8 +22,6 @@ Array = NDArray[np.float64]
 ROUNDS, STEPS, SCREENING = 8, 60, 10  # narrowings of the nodes; steps between them, and of a start that is screened
 WEAK = 3.0  # sd of the prior about the features: it stops what the record does not show, and nothing else
 DAMPING = (float(np.log(0.05)), float(np.log(3.0)))  # prior on the logarithm of the damping ratio, where none is stated
-SPEED_TERM = 0.3  # sd of the prior on the damping ratio that friction in proportion to sliding speed makes
-SHAPE = 0.7  # sd of that on the shape of the weakening: 0.6 of the way to exponential, or to staying and then falling
 # By how much speed term and shape come out wrong on simulated tracks beyond what their likelihood knows: how a slip
 # begins among spots of unlike strength is followed by its mean only (docs/validation.md, Simulated uneven records).
 BIAS = np.array([0.0, 0.1, 0.5])
@@ -53,7 +51,9 @@ class Prior:
     def of(records: Sequence[Sticks], stated: Mapping[str, tuple[float, float]]) -> Prior:
         """Weak ones about the features of records, and those of rigs and frictions at large; stated: mean and sd of
         entries of theta, by name, that the scene gives instead."""
-        mean, sd = features(records), np.array([WEAK] * LAW + [DAMPING[1], SPEED_TERM, SHAPE])
+        # Of the damping ratio that friction in proportion to speed makes, and of the shape of the weakening: 0.6 of
+        # the way to exponential, or to staying and then falling.
+        mean, sd = features(records), np.array([WEAK] * LAW + [DAMPING[1], 0.3, 0.7])
         for name, (value, error) in stated.items():
             mean[THETA.index(name)], sd[THETA.index(name)] = value, error
         return Prior(mean, sd)
@@ -67,7 +67,7 @@ class Maximum:
         prior: on theta; theta (10,): as THETA has it; covariance (10, 10): per entry the larger of the Hessian's and
             the sandwich's; fixed (10,): the greatest posterior with the nuisances at the means of their priors.
         log_likelihood: without the prior; cycles: how many; converged; in_time: whether the search ended before its
-            time was up; evaluations: passes over the records; nodes: per record.
+            time was up; nodes: per record.
         starts: logarithm of the posterior, up to a constant, that the first steps from every start reached.
     """
 
@@ -79,7 +79,6 @@ class Maximum:
     cycles: int
     converged: bool
     in_time: bool
-    evaluations: int
     nodes: tuple[Nodes, ...]
     starts: tuple[float, ...]
 
@@ -114,10 +113,10 @@ class Ascent:
 
 
 class Objective:
-    """Log posterior of records with parameters in common; counts its passes."""
+    """Log posterior of records with parameters in common."""
 
     def __init__(self, records: Sequence[Sticks], prior: Prior, nodes: Sequence[Nodes] | None = None) -> None:
-        self.records, self.prior, self.passes = tuple(records), prior, 0
+        self.records, self.prior = tuple(records), prior
         self._place([Nodes.wide(sticks) for sticks in records] if nodes is None else nodes)
 
     def _place(self, nodes: Sequence[Nodes]) -> None:
@@ -126,7 +125,6 @@ class Objective:
 
     def slope(self, theta: Array) -> tuple[float, Array, Array]:
         """Value, gradient (p,), and scores (c, p)."""
-        self.passes += 1
         each = [likelihood.with_scores(theta) for likelihood in self.likelihoods]
         scores = np.vstack([own for _, own in each])
         value, prior = self.prior.logarithm(theta)
@@ -135,7 +133,6 @@ class Objective:
 
     def narrow(self, theta: Array) -> None:
         """Nodes to where the strengths lie at theta."""
-        self.passes += 1
         cycles = [likelihood(theta) for likelihood in self.likelihoods]
         # Of nodes farther apart than strengths scatter a single one would count.
         least = min(0.03, float(np.exp(theta[PARAMETERS.index("strength_scatter")])))
@@ -254,7 +251,6 @@ def maximise(
         cycles=sum(sticks.count for sticks in records),
         converged=converged,
         in_time=best.in_time,
-        evaluations=sum(own.passes for own, _ in screened),
         nodes=objective.nodes,
         starts=tuple(optimum.value for _, optimum in screened),
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -20,11 +20,9 @@ LEAST = 0.03  # of the drop: nearer to a line than that is no slip, whatever the
 NEAR = 3.0  # durations of the slip: so far before an onset, or after an arrest, goes the line of a stick
 ENOUGH = 25  # samples for the level of a line
 SMOOTHED = 3  # samples about an end of a slip whose mean is compared with a line
-NOISE = 1.15  # of the sticks' noise: that of a slip, whose samples are also jittered in time
 FINEST = 0.2  # of sqrt(m/k) between two samples: denser ones are averaged, so that a slip costs the same
 LEAST_SAMPLES = 6  # of a slip: with fewer its course is not resolved
 STIFFNESS_ERROR = 0.02  # relative, beside what its sticks scatter and how far they are from the stated one
-LOST = 3.0  # times the typical stick: a longer one hides a cycle that was not detected
 
 
 @dataclass(frozen=True)
@@ -91,14 +89,6 @@ class Sticks:
     def drop(self) -> Array:
         """From the stick line at the onset to that of the next stick at the arrest (c,)."""
         return self.line - self.arrest
-
-    def part(self, rows: NDArray[np.int64]) -> Sticks:
-        """Some of the cycles, in the order given; the chain is broken where a predecessor is left out."""
-        kept: dict[str, Any] = {
-            name: value[rows] for name, value in vars(self).items() if isinstance(value, np.ndarray)
-        }
-        kept["follows"] = kept["follows"] & np.append(False, np.diff(rows) == 1)
-        return replace(self, **kept)
 
 
 def sticks_of(log: Prepared, in_series: bool = False) -> Sticks:
@@ -248,7 +238,7 @@ def _assembled(rows: Sequence[_Row], noise: float, rig: RigConstants) -> Sticks:
     rest = np.append(np.nan, column["anchor"][1:] - stopped[:-1])[: len(rows)]
     rest[~((np.diff(number, prepend=-1) == 1) & (rest > 0.0))] = np.nan
     usual = float(np.nanmedian(rest)) if np.isfinite(rest).any() else 1.0
-    rest[rest > LOST * usual] = np.nan
+    rest[rest > 3.0 * usual] = np.nan  # times the typical stick: a longer one hides a cycle that was not detected
     return Sticks(
         number=number,
         follows=np.isfinite(rest),
@@ -256,7 +246,8 @@ def _assembled(rows: Sequence[_Row], noise: float, rig: RigConstants) -> Sticks:
         time=time,
         force=force,
         samples=samples,
-        noise=NOISE * noise / np.sqrt(float(np.median([row.averaged for row in rows])) if rows else 1.0),
+        # More than in the sticks: samples of a slip are also jittered in time.
+        noise=1.15 * noise / np.sqrt(float(np.median([row.averaged for row in rows])) if rows else 1.0),
         rig=rig,
         usual_rest=float(np.nanmedian(rest)) if np.isfinite(rest).any() else 1.0,
         **column,

@@ -37,7 +37,6 @@ CYCLE = ("log_strength", "log_strength_sd", "level")  # what the chain returns o
 N = len(STATES)
 
 ROUGHNESS_LENGTH = 6e-6  # [m] 3 to 8 um fit measured records about equally
-ROUNDED = 0.05  # share over which the end of the weakening is rounded, for smooth derivatives
 START_SPEED = (0.5, 0.3)  # sd of the speed at the first sample: of itself, and of the drive speed
 HUBER = 4.0  # sd beyond which an innovation counts by its size, not its square
 FIRST_SLID, ONSET_STEPS = 1e-6, 32  # share of the sliding at the first sample where the onset begins, and steps to it
@@ -72,8 +71,15 @@ class SlipFunctions:
 @cache
 def slip_functions() -> SlipFunctions:
     """The functions of a slip."""
-    aged, motion = (Mapped(function) for function in (_aged(), _motion()))
-    return SlipFunctions(*_onset(), *_begin(), *_step(), *_arrest(), aged, motion)
+    (all_theta, theta), contact = _symbols("theta", THETA), ca.SX.sym("contact", 3)
+    rest, usual, left = ca.vertsplit(contact)
+    t_cr = ca.exp(theta["t_cr"])
+    full = ca.exp(theta["strength"]) / _regained(0.0, usual, t_cr)
+    aged = ca.Function("aged", [all_theta, contact], [ca.vertcat(full * _regained(left / full, rest, t_cr), full)])
+    (x, state), (all_kept, kept), (all_rig, rig) = _symbols("x", STATES), _symbols("kept", KEPT), _symbols("rig", RIG)
+    rates = ca.densify(ca.vertcat(*_rates(state, kept, rig).values()))
+    motion = ca.Function("motion", [x, all_kept, all_rig], [rates])
+    return SlipFunctions(*_onset(), *_begin(), *_step(), *_arrest(), Mapped(aged), Mapped(motion))
 
 
 def chain_functions(nodes: int) -> tuple[Compiled, Compiled]:
@@ -113,8 +119,8 @@ def _values(theta: Mapping[str, ca.SX], rig: Mapping[str, ca.SX]) -> dict[str, c
 
 
 def _rounded(share: ca.SX) -> ca.SX:
-    """A share of strength that is left, never below zero."""
-    return 0.5 * (share + ca.sqrt(share**2 + ROUNDED**2))
+    """A share of strength that is left, never below zero, with smooth derivatives."""
+    return 0.5 * (share + ca.sqrt(share**2 + 0.05**2))
 
 
 def _rates(x: Mapping[str, ca.SX], kept: Mapping[str, ca.SX], rig: Mapping[str, ca.SX]) -> dict[str, ca.SX]:
@@ -140,19 +146,6 @@ def _cell(x: Mapping[str, ca.SX], kept: Mapping[str, ca.SX], rig: Mapping[str, c
 def _regained(left: ca.SX | float, rest: ca.SX, t_cr: ca.SX) -> ca.SX:
     """Share of the strength after a rest [s], eq. (3a)."""
     return left - (1.0 - left) * ca.expm1(-rest / t_cr)
-
-
-def _aged() -> ca.Function:
-    (all_theta, theta), contact = _symbols("theta", THETA), ca.SX.sym("contact", 3)
-    rest, usual, left = ca.vertsplit(contact)
-    t_cr = ca.exp(theta["t_cr"])
-    full = ca.exp(theta["strength"]) / _regained(0.0, usual, t_cr)
-    return ca.Function("aged", [all_theta, contact], [ca.vertcat(full * _regained(left / full, rest, t_cr), full)])
-
-
-def _motion() -> ca.Function:
-    (x, state), (all_kept, kept), (all_rig, rig) = _symbols("x", STATES), _symbols("kept", KEPT), _symbols("rig", RIG)
-    return ca.Function("motion", [x, all_kept, all_rig], [ca.densify(ca.vertcat(*_rates(state, kept, rig).values()))])
 
 
 def _onset() -> tuple[Mapped, Mapped]:

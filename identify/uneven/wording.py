@@ -8,8 +8,6 @@ from identify.base.wording import three_figures
 from identify.logs.prepare import Prepared
 from identify.uneven.events import Sticks
 
-UNLIKE_SLOPE = 0.25  # of the stick slope that stiffness and drive speed make: a difference that is reported
-
 SLOWER_THAN_SPRING = (
     "friction falls with sliding more slowly than the spring relaxes, so the slips follow the drift of the level: "
     "strength and weakening length are not identifiable; use a softer spring or a slower drive"
@@ -181,7 +179,7 @@ def notes(logs: Sequence[Prepared], records: Sequence[Sticks], mass: tuple[float
         )
     for log, sticks in zip(logs, records, strict=True):
         ratio = sticks.rig.rate / (log.rig.stiffness * log.data.drive_speed / log.data.mean_normal_force)
-        if abs(ratio - 1.0) > UNLIKE_SLOPE:
+        if abs(ratio - 1.0) > 0.25:
             out.append(
                 f"{log.name}: sticks rise {100 * abs(ratio - 1.0):.0f} % {'faster' if ratio > 1 else 'slower'} than "
                 "stiffness times drive speed: one of the two is not as stated, and the mass goes with the stiffness."

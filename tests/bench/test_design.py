@@ -20,7 +20,7 @@ from identify.logs.log_data import LogData
 from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
 from identify.report.stored_result import as_json
-from identify.shooting.transcription import BOUNDED_START_SD
+from identify.shooting.layout import BOUNDED_START_SD
 from identify.simulation.drive import Drive, NormalForce
 from identify.simulation.simulate import run
 from tests.support.fake_fit import fit_of_a_scene, with_verdicts

@@ -17,7 +17,7 @@ from identify.bench.ringdown import ring_downs
 from identify.cli import main as cli
 from identify.effects import MAIN
 from identify.logs.unknowns import from_scene
-from identify.shooting.transcription import NlpBuilder
+from identify.shooting.layout import NlpBuilder
 
 RIG = {"mass": 0.2, "stiffness": 1470.0, "damping": 147.0}
 OMEGA, ZETA = np.sqrt(1470.0 / 0.2), 0.05
@@ -201,7 +201,7 @@ def test_a_problem_counts_tied_priors_whatever_of_them_is_fixed():
     start = unknowns.start + 0.01 * random.standard_normal(len(unknowns.names))
     free = unknowns.free & ~np.isin(unknowns.names, ["stiffness"])
     made = NlpBuilder(unknowns.model, replace(unknowns, start=start, free=free), np.flatnonzero(free))
-    mean, sd, about = (made.columns()[name] for name in ("mean", "sd", "about"))
+    mean, sd, about = (made.columns()[f"prior_{name}"] for name in ("mean", "sd", "about"))
     about = about.astype(int)
 
     def costs(theta):

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from identify.estimation.certainty import active_event_bound
 from identify.shooting.layout import COARSE_GRID
-from identify.shooting.passes import Solved
+from identify.shooting.passes import Solved, solve
 from identify.shooting.shooting import shooting_problem
-from identify.shooting.solve import solve
 from tests.support import shooting_case as case
 
 UNKNOWNS = case.search_space(case.PAIR, ("mu_s", "mu_k0", "t_cr"))
@@ -27,10 +26,7 @@ def held_at(room: float | None) -> Solved:
         problem.layout.lower[event] = wanted - 1e-3
         solution = solve(problem, tolerance=1e-8, mu_init=1e-6)
     assert solution.success
-    theta = UNKNOWNS.start.copy()
-    theta[problem.layout.free] = solution.x[: problem.layout.free.size]
-    found = [place.read(g, solution.x) for place, g in zip(problem.layout.places, trajectories, strict=True)]
-    return Solved(problem, COARSE_GRID, trajectories, solution, found, theta, 0.0, 1, 1, 0.0)
+    return Solved(problem, solution, *problem.layout.at(solution.x), 0.0, 1, 1, 0.0)
 
 
 def test_an_event_kept_from_its_place_is_noticed_by_what_it_does_to_the_answer() -> None:

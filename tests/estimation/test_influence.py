@@ -9,14 +9,12 @@ import numpy as np
 import pytest
 
 from identify.estimation.attempt import Attempt
-from identify.estimation.bootstrap import _drawn, bootstrap
 from identify.estimation.covariance import information_at
-from identify.estimation.influence import influence
+from identify.estimation.influence import bootstrap, drawn_noise, influence
 from identify.estimation.residual_autocorrelation import WHITE, ArModel, autoregression
 from identify.shooting.layout import COARSE_GRID
-from identify.shooting.passes import solve_in_passes
+from identify.shooting.passes import solve, solve_in_passes
 from identify.shooting.shooting import Problem
-from identify.shooting.solve import solve
 from tests.support import shooting_case as case
 
 
@@ -64,6 +62,6 @@ def test_replicates_spread_as_the_covariance_says(fitted):
 
 
 def test_noise_is_drawn_with_its_autoregression():
-    drawn = _drawn(ArModel(np.array([0.8]), 0.36), 40_000, np.random.default_rng(2))
+    drawn = drawn_noise(ArModel(np.array([0.8]), 0.36), 40_000, np.random.default_rng(2))
     assert np.std(drawn) == pytest.approx(1.0, rel=0.05)
     assert autoregression(drawn).inflation == pytest.approx(9.0, rel=0.15)

@@ -14,13 +14,13 @@ from identify.base.quantiles import NORMAL
 from identify.estimation.attempt import solve_again
 from identify.estimation.certainty import Question, certainty
 from identify.estimation.covariance import information_at
+from identify.estimation.estimator import tracing
 from identify.estimation.profile import CRITICAL, converged, profile
-from identify.estimation.strategies import tracing
 from identify.examples import FOLDER
 from identify.logs.scene_records import with_records
 from identify.shooting.accuracy import DEFAULT_OPTIONS
+from identify.shooting.passes import solve
 from identify.shooting.shooting import shooting_problem
-from identify.shooting.solve import solve
 from tests.support.two_logs import records, searched
 from tests.support.two_logs import scene as two_logs
 
@@ -63,9 +63,7 @@ def ratio(attempt, unknowns, index, value, steps=4):
         problem = shooting_problem(logs, motion, replace(soft, start=start, free=free), solved.grid)
         solution = solve(problem, mu_init=1e-6, iterations=60, exact=True)
         assert solution.success
-        theta = start.copy()
-        theta[problem.layout.free] = solution.x[: problem.layout.free.size]
-        motion = [at.read(one, solution.x) for at, one in zip(problem.layout.places, motion, strict=True)]
+        theta, motion = problem.layout.at(solution.x)
         prior = unknowns.off_prior(theta)[index] if np.isfinite(unknowns.prior_sd[index]) else 0.0
         costs.append(solution.cost + 0.5 * prior**2)
     return 2.0 * (costs[-1] - costs[0])

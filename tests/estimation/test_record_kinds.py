@@ -15,8 +15,8 @@ from identify.logs.prepare import name_of, prepare
 from identify.logs.scene_records import parted, parts_of
 from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
-from identify.shooting.following import follow
 from identify.shooting.layout import COARSE_GRID
+from identify.shooting.placing import follow
 from identify.shooting.shooting import shooting_problem
 from identify.simulation.drive import Drive
 from identify.simulation.sliding import lasting
@@ -65,14 +65,14 @@ def test_a_course_at_the_truth_joins_up_and_fits(log, pair, rig):
     p = np.array([(pair | rig)[n] for n in unknowns.names])
     at = replace(unknowns, start=unknowns.theta(p, data.base))
     found = follow(unknowns.model, data, p, begins_sliding=False)
-    problem = shooting_problem([data], [found.trajectory], at, COARSE_GRID)
-    assert found.end == data.end
+    problem = shooting_problem([data], [found[0]], at, COARSE_GRID)
+    assert found[1] == data.end
     assert 2 * problem.evaluate(problem.start, derivatives=False).cost < 1.5 * problem.samples
     # As many unknowns as rows, but for the parameters, the load of each part, elongation and gamma at the begin.
-    assert problem.layout.size - problem.layout.rows == int(unknowns.free.sum()) + found.trajectory.parts + 2
+    assert problem.layout.size - problem.layout.rows == int(unknowns.free.sum()) + found[0].parts + 2
     other = replace(data, programme=Drive(data.programme.starts, tuple(1.5 * v for v in data.programme.speeds)))
     wrong = follow(unknowns.model, other, p, begins_sliding=False)
-    problem = shooting_problem([other], [wrong.trajectory], at, COARSE_GRID)
+    problem = shooting_problem([other], [wrong[0]], at, COARSE_GRID)
     assert 2 * problem.evaluate(problem.start, derivatives=False).cost > 3 * problem.samples
 
 

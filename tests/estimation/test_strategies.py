@@ -10,7 +10,7 @@ from identify import Scene, fit
 from identify.base import budget
 from identify.base.budget import no_time_limit, seconds_left, time_is_up, time_limit
 from identify.base.outcome import Status
-from identify.estimation.strategies import in_time, tracing, tried
+from identify.estimation.estimator import in_time, tracing, tried
 from identify.examples import FOLDER
 
 pytestmark = pytest.mark.usefixtures("no_predictions")

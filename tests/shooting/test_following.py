@@ -6,7 +6,7 @@ import pytest
 from identify.effects import MAIN
 from identify.logs.log_data import LogData
 from identify.model.model import assemble
-from identify.shooting.following import Followed, follow
+from identify.shooting.placing import Followed, follow
 from identify.simulation.drive import NormalForce
 from identify.simulation.simulate import run
 from identify.simulation.trajectory import Trajectory
@@ -42,7 +42,7 @@ SLOW = 1.0e-4 / 60, 800.0, 20.0, 0.0045
 def test_an_onset_is_found_where_a_stick_rises_by_less_than_the_noise(error: float) -> None:
     """The stick rises by 0.06 of the noise from sample to sample: the highest one lies seconds before the slip."""
     motion, log = logged(PAIR, *SLOW, mu_s=PAIR["mu_s"] + error)
-    first = followed(log).trajectory.when("onset")[0]
+    first = followed(log)[0].when("onset")[0]
     assert abs(first - motion.onsets[0]) < 2.0 / SLOW[2]
     assert abs(error / (PAIR["stiffness"] * SLOW[0])) > 10.0 / SLOW[2]  # the parameters alone are a second off
 
@@ -52,10 +52,10 @@ def test_an_onset_is_not_moved_along_a_level_force() -> None:
     motion, log = logged(FAINT, *SLOW, seed=7)
     assert abs(float(log.time[np.argmax(log.force)]) - motion.onsets[0]) > 20.0
     found = followed(log)
-    assert found.end == SLOW[1]
+    assert found[1] == SLOW[1]
     loading = FAINT["stiffness"] * SLOW[0]
-    assert abs(found.trajectory.when("onset")[0] - motion.onsets[0]) * loading < 0.1 * SLOW[3]
-    assert abs(found.trajectory.start[0]) * FAINT["stiffness"] < 0.1 * SLOW[3]  # it began unloaded
+    assert abs(found[0].when("onset")[0] - motion.onsets[0]) * loading < 0.1 * SLOW[3]
+    assert abs(found[0].start[0]) * FAINT["stiffness"] < 0.1 * SLOW[3]  # it began unloaded
 
 
 def test_a_rest_goes_on_under_a_load_that_varies() -> None:
@@ -67,7 +67,7 @@ def test_a_rest_goes_on_under_a_load_that_varies() -> None:
     motion, log = logged(truth, 3e-4, 12.0, 500.0, 0.0045, 8, (knots, load))
     onsets = motion.onsets[np.append(True, np.diff(motion.onsets) > 0.5)]
     assert onsets.size > 4
-    np.testing.assert_allclose(followed(log).trajectory.when("onset"), onsets, atol=0.02)
+    np.testing.assert_allclose(followed(log)[0].when("onset"), onsets, atol=0.02)
 
 
 # At a drive speed of D/t_cr; after the first slip the mass rests for 3.5 ms, then for 12 ms, then for 17 ms.
@@ -90,8 +90,8 @@ TRAIN |= {"mass": 0.1551, "stiffness": 2518.0, "damping": 131.6}
 def test_small_slips_are_followed_through(truth, record, wrong, slips, within) -> None:
     motion, log = logged(truth, *record, t_cr=wrong * truth["t_cr"])
     found = followed(log)
-    arrests = found.trajectory.when("arrest")
-    assert found.end == record[1] and motion.arrests.size == arrests.size == slips
+    arrests = found[0].when("arrest")
+    assert found[1] == record[1] and motion.arrests.size == arrests.size == slips
     assert np.max(np.abs(arrests - motion.arrests)) < within
 
 
@@ -104,7 +104,7 @@ def test_a_first_stick_ends_before_the_force_is_highest() -> None:
     for seed in (2, 3, 4):
         motion, log = logged(truth, 1e-4, 5.0, 500.0, 0.0045, seed)
         assert float(log.time[np.argmax(motion.sample(log.time)["force"])]) - motion.onsets[0] > 0.02
-        trajectory = followed(log).trajectory
+        trajectory = followed(log)[0]
         slip, rest = trajectory.stretches[1:3]
         assert (slip.ended_by, rest.ended_by) == ("arrest", "onset") and MODEL.clamped is not None
         assert trajectory.start[MODEL.clamped] < 0.1  # it began fresh

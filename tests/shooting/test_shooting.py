@@ -11,11 +11,9 @@ from identify.effects import MAIN
 from identify.logs.unknowns import FORGOTTEN
 from identify.model.model import SPEED, assemble
 from identify.shooting.blocks import AgeingBlock
-from identify.shooting.layout import COARSE_GRID, Grid
-from identify.shooting.passes import solve_in_passes
+from identify.shooting.layout import COARSE_GRID, Grid, transcribe
+from identify.shooting.passes import solve, solve_in_passes
 from identify.shooting.shooting import Problem, shooting_problem
-from identify.shooting.solve import solve
-from identify.shooting.transcription import transcribe
 from tests.support import shooting_case as case
 
 SMALL = Grid(slip=4, worn=3, steps=2)
@@ -223,7 +221,7 @@ def test_the_truth_solves_the_rows_and_has_the_event_times_of_the_independent_in
         # Without the weak prior of gamma at the begin, which is 0 here: the data are exact.
         problem = Problem(data, replace(layout, prior_sd=np.full(layout.size, np.inf)))
         solution = solve(problem)
-        trajectories = [place.read(g, solution.x) for place, g in zip(layout.places, trajectories, strict=True)]
+        _, trajectories = layout.at(solution.x)
     assert solution.success
     assert solution.constraint_violation < 1e-9
     assert solution.cost < 1e-3

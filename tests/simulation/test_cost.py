@@ -3,8 +3,7 @@
 from experiments.study_problem import DEMO, RIG
 from identify.effects import MAIN
 from identify.scene import Scene
-from identify.simulation.cost import CYCLES, cost
-from identify.simulation.simulate import simulate
+from identify.simulation.simulate import CYCLES, cost, simulate
 
 
 def scene_at(speed, effects=MAIN, **more):

@@ -8,7 +8,7 @@ import pytest
 from experiments.hard_scenes import PAIR
 from identify.base.errors import SimulationError
 from identify.model.model import assemble
-from identify.simulation.resting import swing
+from identify.simulation.plan import swing
 from identify.simulation.simulate import run
 
 

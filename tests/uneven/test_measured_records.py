@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from experiments.measured_records import FILES, RECORDS, sticks_in
+from experiments.measured_records import FILES, RECORDS, part, sticks_in
 from experiments.measured_records import scene_of as measured_scene
 from experiments.study_problem import DEMO, scene_of, simulated_case
 from identify import fit
@@ -43,7 +43,7 @@ def test_the_estimate_is_near_that_of_another_implementation(name, strength, mas
 @pytest.mark.slow
 def test_a_record_that_hides_the_weakening_still_tells_the_mass():
     """Ringing of the same rig: 17 to 22.4 g."""
-    sticks = sticks_in("k1002_v4300", RECORDS).part(np.arange(48))
+    sticks = part(sticks_in("k1002_v4300", RECORDS), np.arange(48))
     maximum = maximise([sticks])
     mass = mass_of(maximum, sticks.rig.error)
     assert mass.lower < 0.017 < 0.0224 < mass.upper < 3.5 * mass.lower
