@@ -102,10 +102,6 @@ class ShootingTrajectory:
         """Which stretches end so."""
         return np.array([i for i, mode in enumerate(self.modes) if mode[1] == ended_by], dtype=np.int64)
 
-    def when(self, ended_by: End) -> Array:
-        """When stretches end so [s]."""
-        return self.until[self.ending(ended_by)]
-
     def at_end(self, which: Indices) -> Array:
         """The states (k, n_x) in which some stretches (k,) end."""
         return self.nodes[self.first[1:][which] - 1]
@@ -140,11 +136,6 @@ class ShootingTrajectory:
     def slip_parts(self) -> Indices:
         """Number of the part of each such slip (q,)."""
         return np.array([self.part[i] for i in self.own_slips], dtype=np.int64)
-
-    @property
-    def slid_at(self) -> Array:
-        """When the deviation of its own counts in each of them (q,) [s]."""
-        return self.until[self.own_slips]
 
     @property
     def sliding_deviation(self) -> Array:

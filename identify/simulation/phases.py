@@ -229,14 +229,6 @@ class Machine:
         while self._borrowed:
             give_back(self._borrowed.pop())
 
-    def begins(self, situated: Situated, x: Array) -> ModeName:
-        """The mode in which a mass that moves begins: a fresh contact that would age below nothing is clamped."""
-        clamped = self.model.clamped
-        if clamped is None or x[clamped] > (self.model.states[clamped].lower or 0.0):
-            return "slip"
-        falls = float(self.model.slip(x, self.p, situated.at(0.0, situated.direction))[clamped]) < 0.0
-        return "worn" if falls else "slip"
-
     def slide(self, mode: ModeName, x: Array, situated: Situated, limit: float) -> Slide:
         """Slide from state x in one mode until that ends, or for `limit` [s].
 
@@ -363,7 +355,10 @@ def phases(machine: Machine, drive: Drive, normal_force: NormalForce, duration: 
     mode: ModeName = "stick"
     if x[SPEED] != 0.0:
         direction = float(np.sign(x[SPEED]))
-        mode = machine.begins(Situated(p, drive.at(0.0), direction, *normal_force.line(0.0)), x)
+        mode, u = "slip", np.array([drive.at(0.0), normal_force.line(0.0)[0], direction, 0.0])
+        if model.clamped is not None and x[model.clamped] <= (model.states[model.clamped].lower or 0.0):
+            # A fresh contact that would age below nothing is clamped.
+            mode = "worn" if float(model.slip(x, p, u)[model.clamped]) < 0.0 else "slip"
     phase: Phase
     for number in range(MAX_PHASES):
         situated = Situated(p, drive.at(t), direction, *normal_force.line(t), t)

@@ -30,6 +30,11 @@ def followed(log: LogData) -> Followed:
     return motion
 
 
+def ended(trajectory, by):
+    """When stretches end so [s]."""
+    return trajectory.until[trajectory.ending(by)]
+
+
 PAIR = {"mu_s": 0.9904, "mu_k0": 0.8659, "delta_mu_k": -0.06065, "a": 1566.0, "D": 1.278e-5, "t_cr": 3.305}
 PAIR |= {"mass": 0.2314, "stiffness": 746.7, "damping": 216.5}
 # Slips of 6 mN in noise of 4.5 mN at 0.1 mm/s; slower than that the mass comes to rest twice, and slides on.
@@ -42,7 +47,7 @@ SLOW = 1.0e-4 / 60, 800.0, 20.0, 0.0045
 def test_an_onset_is_found_where_a_stick_rises_by_less_than_the_noise(error: float) -> None:
     """The stick rises by 0.06 of the noise from sample to sample: the highest one lies seconds before the slip."""
     motion, log = logged(PAIR, *SLOW, mu_s=PAIR["mu_s"] + error)
-    first = followed(log)[0].when("onset")[0]
+    first = ended(followed(log)[0], "onset")[0]
     assert abs(first - motion.onsets[0]) < 2.0 / SLOW[2]
     assert abs(error / (PAIR["stiffness"] * SLOW[0])) > 10.0 / SLOW[2]  # the parameters alone are a second off
 
@@ -54,7 +59,7 @@ def test_an_onset_is_not_moved_along_a_level_force() -> None:
     found = followed(log)
     assert found[1] == SLOW[1]
     loading = FAINT["stiffness"] * SLOW[0]
-    assert abs(found[0].when("onset")[0] - motion.onsets[0]) * loading < 0.1 * SLOW[3]
+    assert abs(ended(found[0], "onset")[0] - motion.onsets[0]) * loading < 0.1 * SLOW[3]
     assert abs(found[0].start[0]) * FAINT["stiffness"] < 0.1 * SLOW[3]  # it began unloaded
 
 
@@ -67,7 +72,7 @@ def test_a_rest_goes_on_under_a_load_that_varies() -> None:
     motion, log = logged(truth, 3e-4, 12.0, 500.0, 0.0045, 8, (knots, load))
     onsets = motion.onsets[np.append(True, np.diff(motion.onsets) > 0.5)]
     assert onsets.size > 4
-    np.testing.assert_allclose(followed(log)[0].when("onset"), onsets, atol=0.02)
+    np.testing.assert_allclose(ended(followed(log)[0], "onset"), onsets, atol=0.02)
 
 
 # At a drive speed of D/t_cr; after the first slip the mass rests for 3.5 ms, then for 12 ms, then for 17 ms.
@@ -90,7 +95,7 @@ TRAIN |= {"mass": 0.1551, "stiffness": 2518.0, "damping": 131.6}
 def test_small_slips_are_followed_through(truth, record, wrong, slips, within) -> None:
     motion, log = logged(truth, *record, t_cr=wrong * truth["t_cr"])
     found = followed(log)
-    arrests = found[0].when("arrest")
+    arrests = ended(found[0], "arrest")
     assert found[1] == record[1] and motion.arrests.size == arrests.size == slips
     assert np.max(np.abs(arrests - motion.arrests)) < within
 
