@@ -3,8 +3,10 @@
 Knows sampling and sensors only; whether a slip holds enough samples is for those who know slips.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import difflib
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Final, Literal
 
@@ -12,56 +14,113 @@ import numpy as np
 import numpy.typing as npt
 
 from data_io.arrays import grid_step, kept, longest_run, shown, thinned, thinned_steps, true_runs
-from data_io.columns import COEFFICIENTS, parse_name
 from data_io.record import Record
-from data_io.thresholds import DEFAULTS, Thresholds, percent
-from data_io.values import LONGEST_GAP, Finding, FloatArray
+from data_io.values import LONGEST_GAP, Finding, FloatArray, Frozen, LogError, Severity
 
 Rows = npt.NDArray[np.bool_]
+Verdict = Literal["accept", "accept with warnings", "reject"]
 
-# The friction signal itself: dead, clipped, coarse, repeated.
+# The thresholds: one visible table, each number documented and open to override.
 
-_CLIPPED_RUN: Final = 10  # rows in a row at the very same extreme value before a sensor is at its end
-_CLIPPED_EXCESS: Final = 5.0  # times that its end is shown more often than the values before it
-_HELD_EVENLY: Final = 0.9  # share of values held as long as the usual one, by a logger ahead of its sensor
-_BIG_STEP: Final = 3.0
-"""Steps of the quantisation by which a repeated signal moves on; a coarse one moves by one or two."""
+REJECT: Final = 10.0
+"""Times a threshold, beyond which the log is rejected, where the table says that it is."""
 
 
 @dataclass(frozen=True)
-class Signal:
-    """clipped: rows at an end of the sensor. resolution [N]: step of the grid on which the values lie, 0 where they
-    show none. repeated: share of the rows that repeat the row before."""
+class Limit:
+    """One threshold: a warning lies beyond `value`, a rejection beyond ten times it where it `rejects`."""
 
-    clipped: int
-    resolution: float
-    repeated: float
+    name: str
+    value: float
+    unit: str
+    meaning: str
+    rejects: bool = False
+    beyond: Literal["above", "below"] = "above"
 
 
-def _look_at_friction(record: Record, used: Rows, limits: Thresholds) -> tuple[Signal, list[Finding]]:
-    """Measure the friction force of the rows that count, used (n,)."""
-    friction = kept(record.friction_force, used)
-    span = float(np.ptp(friction))
-    if span == 0:
-        text = f"the friction force is exactly {friction[0]:g} N in every row; a living signal was expected; check it"
-        return Signal(0, 0.0, 0.0), [Finding("friction_constant", "reject", text)]
-    clipped, notes = _clipping("friction force", friction, limits)
-    resolution = grid_step(friction)
-    notes += limits.finding(
-        "friction_coarse", "quantisation", resolution / span,
-        f"the friction force comes in steps of {resolution:.3g} N, coarse against its range of {span:.3g} N; use a "
-        "smaller measuring range of the sensor, or export more digits",
-    )  # fmt: skip
-    repeated, evenly = _repeated(record, used, resolution)
-    cause = (
-        "they are held for equally many rows each: the logger ran faster than the sensor; log at the sensor's own rate"
-        if evenly
-        else "they stand still now and then, for unlike times: a display that was read too slowly, or a link that was "
-        "lost for a while; check how the values come to the logger, and leave such stretches out"
-    )
-    text = f"{100 * repeated:.0f} % of the rows repeat the measured values of the row before; {cause}"
-    notes += limits.finding("repeated_rows", "repeated_rows", repeated, text)
-    return Signal(clipped, resolution, repeated), notes
+LIMITS: Final = (
+    Limit("residual_force", 0.05, "of the sliding force",
+          "friction force shown before the drive moves, or while nothing presses"),
+    Limit("friction_drift", 0.10, "of the friction force",
+          "change of the friction force over the load from the first to the last third of the slips"),
+    Limit("load_drift", 0.10, "of the load", "change of the normal force from first to last tenth"),
+    Limit("load_ripple", 0.03, "of the load", "standard deviation of the normal force", rejects=True),
+    Limit("clipped_rows", 0.005, "of the rows", "rows in which a force sensor stands at its end", rejects=True),
+    Limit("quantisation", 0.02, "of the range of the friction force",
+          "step of the grid on which the values of the friction force lie", rejects=True),
+    Limit("missing_rows", 0.02, "of the rows", "rows missing in gaps of the clock", rejects=True),
+    Limit("jitter", 0.03, "of the sampling interval", "robust standard deviation of the sampling interval",
+          rejects=True),
+    Limit("repeated_rows", 0.06, "of the rows",
+          "rows that repeat every measured value of the row before, quantisation apart", rejects=True),
+    Limit("spikes", 0.002, "of the rows", "samples far from their neighbours", rejects=True),
+    Limit("cycles", 3, "cycles", "stick-slip cycles found, where there are any", beyond="below"),
+    Limit("samples_per_slip", 10, "samples", "samples from force peak to valley: what a and delta_mu_k need",
+          beyond="below"),
+    Limit("stick_slope", 0.10, "of k times v_0",
+          "difference between the slope of the sticks and stiffness times drive speed"),
+)  # fmt: skip
+"""Every threshold with its default; `Thresholds` overrides them by name."""
+
+_DEFAULT: Final = {limit.name: limit for limit in LIMITS}
+_NAMES: Final = (*_DEFAULT, *(f"{limit.name}_reject" for limit in LIMITS if limit.rejects))
+
+
+@dataclass(frozen=True)
+class Thresholds:
+    """The defaults of `LIMITS` with the user's own numbers in place of some of them, by name; `<name>_reject` is a
+    number of its own from where on a log is rejected.
+
+    Raises `LogError` for a name that is not in the table, or a number that is none.
+    """
+
+    own: Mapping[str, float] = field(default_factory=Frozen)
+
+    def __post_init__(self) -> None:
+        for name, value in self.own.items():
+            if name not in _NAMES:
+                near = difflib.get_close_matches(name, _NAMES, n=1, cutoff=0.0)[0]
+                raise LogError(
+                    f"the threshold {name!r} is not known; did you mean {near!r}? Known are {', '.join(_NAMES)}"
+                )
+            if isinstance(value, bool) or not isinstance(value, (int, float)) or not value >= 0:
+                raise LogError(f"the threshold {name} is {value!r}; a number from 0 on was expected (inf: never)")
+        object.__setattr__(self, "own", Frozen(dict(self.own)))
+
+    def __getitem__(self, name: str) -> float:
+        return float(self.own.get(name, _DEFAULT[name].value))
+
+    def severity(self, name: str, measured: float) -> Severity | None:
+        """Return "reject", "warning" or None of a measured number; one that is no number is never beyond."""
+        limit, value = _DEFAULT[name], self[name]
+        reject = float(self.own.get(f"{name}_reject", REJECT * value or math.inf))
+        if not math.isfinite(measured) or not (measured > value if limit.beyond == "above" else measured < value):
+            return None
+        return "reject" if limit.rejects and measured > reject else "warning"
+
+    def finding(self, code: str, name: str, measured: float, text: str) -> list[Finding]:
+        """Return what is to say of a measured number that lies beyond a threshold: one finding, or none."""
+        severity = self.severity(name, measured)
+        return [] if severity is None else [Finding(code, severity, text)]
+
+
+DEFAULTS: Final = Thresholds()
+
+
+def percent(share: float, digits: int = 0, *, signed: bool = False, of: str = "") -> str:
+    """Return a share as "12 %" or "12 % of 3 N"; never as "-0 %", and many times the whole as "2000 times 3 N"."""
+    if abs(share) > 10.0:
+        size = f"{share:+.3g}" if signed else f"{share:.3g}"
+        times = "many times" if "e" in size or "inf" in size else f"{size} times"
+        return f"{times} {of}".rstrip()
+    return f"{100 * share:{'+' if signed else ''}z.{digits}f} %" + (f" of {of}" if of else "")
+
+
+# The friction force: dead, clipped, coarse, repeated.
+
+_CLIPPED_RUN: Final = 10  # rows in a row at the very same extreme value before a sensor is at its end
+_CLIPPED_EXCESS: Final = 5.0  # times that its end is shown more often than the values before it
+_BIG_STEP: Final = 3.0  # steps of the quantisation by which a repeated signal moves on; a coarse one by one or two
 
 
 def _clipping(name: str, force: FloatArray, limits: Thresholds) -> tuple[int, list[Finding]]:
@@ -77,37 +136,47 @@ def _clipping(name: str, force: FloatArray, limits: Thresholds) -> tuple[int, li
         counts = np.unique(near if np.unique(near).size > 1 else off, return_counts=True)[1]
         if counts.size > 1 and rows > _CLIPPED_EXCESS * float(counts[:5].mean()):
             total += rows
-            text = f"the {name} stays at its {end} value {level:.4g} N in {rows} rows: the sensor was at its end; use "
-            code = f"{name.split()[0]}_clipped"
-            notes += limits.finding(code, "clipped_rows", rows / force.size, f"{text}a larger measuring range")
+            severity = limits.severity("clipped_rows", rows / force.size) or "info"
+            text = (
+                f"the {name} stays at its {end} value {level:.4g} N in {rows} rows: the sensor was at its end; use a "
+                "larger measuring range"
+            )
+            notes.append(Finding(f"{name.split()[0]}_clipped", severity, text))
     return total, notes
 
 
-def _repeated(record: Record, used: Rows, step: float) -> tuple[float, bool]:
-    """Return the share of rows that repeat the row before, not by chance, and whether they do so evenly."""
+def _repeated(record: Record, used: Rows, step: float) -> float:
+    """Return the share of rows that repeat the row before, not by chance."""
     pair = used[1:] & used[:-1]
     change = np.abs(np.diff(record.friction_force))
     same = pair & (change == 0.0)
     moved = change[pair & ~same] if same.any() else np.empty(0)
     if moved.size == 0 or float(np.median(moved)) <= _BIG_STEP * step:
-        return 0.0, False
+        return 0.0
     beside = pair & ~same & (change < 1.5 * step)
     if np.ptp(record.normal_force[used]) > 0:
         still = np.diff(record.normal_force) == 0
         same, beside = same & still, beside & still
-    held = np.diff(np.flatnonzero(np.concatenate(([True], ~same, [True]))))
-    usual = float(np.median(held))
-    evenly = usual > 1 and bool(np.mean(np.abs(held - usual) <= 1.0) >= _HELD_EVENLY)
-    by_chance = 0.5 * int(np.count_nonzero(beside))
-    return max(int(np.count_nonzero(same)) - by_chance, 0.0) / max(int(np.count_nonzero(pair)), 1), evenly
+    rows = int(np.count_nonzero(same)) - 0.5 * int(np.count_nonzero(beside))
+    return max(rows, 0.0) / max(int(np.count_nonzero(pair)), 1)
 
 
-# The normal force: its level, drift and ripple, rows without load, a sensor at its end.
+def noise_of(force: FloatArray) -> float:
+    """Return the standard deviation of the noise [N], from the steps between samples; at least their quantisation."""
+    steps = np.abs(thinned_steps(force))
+    robust = 1.4826 * float(np.median(steps)) / np.sqrt(2.0)
+    smallest = float(np.min(steps, where=steps > 0, initial=np.inf))
+    if smallest > np.sqrt(12.0) * robust:  # the smallest of all may be smaller still
+        steps = np.abs(np.diff(force))
+        robust = max(robust, float(np.min(steps, where=steps > 0, initial=np.inf)) / np.sqrt(12.0))
+    return robust if robust < np.inf else 0.0
+
+
+# The normal force: its level, drift and ripple, rows without load.
 
 UNLOADED: Final = 0.1
 """Share of the typical load below which a row counts as not loaded."""
-_LOADED: Final = 0.3
-"""Share of the load above which a row counts as loaded: a load that ripples is loaded in its troughs as well."""
+_LOADED: Final = 0.3  # share of it above which a row is loaded: a load that ripples is so in its troughs as well
 
 
 @dataclass(frozen=True)
@@ -120,45 +189,6 @@ class Load:
     drift: float
     ripple: float
     unloaded: float
-
-
-def _look_at_load(record: Record, used: Rows, limits: Thresholds) -> tuple[Load, list[Finding]]:
-    """Measure the normal force of the rows that count."""
-    normal = kept(record.normal_force, used)
-    level, (mean, drift) = typical_load(normal), mean_and_drift(normal)
-    if level <= 0:
-        text = "the normal force is zero or pulls; a pressing load was expected; check its column, unit and zero point"
-        return Load(level, mean, 0.0, 0.0, 1.0), [Finding("no_load", "reject", text)]
-    few = thinned(normal)
-    loaded = few > _LOADED * level
-    ripple = 0.0
-    if np.count_nonzero(loaded) > 2:
-        time = thinned(kept(record.time, used))[loaded]
-        line = np.polyval(np.polyfit(time - time[0], few[loaded], 1), time - time[0])
-        ripple = float(np.std(few[loaded] - line)) / level
-    load = Load(level, mean, drift, ripple, np.count_nonzero(normal < UNLOADED * level) / normal.size)
-    notes, size = list[Finding](), f"{level:.3g} N"
-    if np.ptp(normal) > 0:  # rows without a load lie at the lowest value of a sound sensor
-        notes += _clipping("normal force", normal[normal >= UNLOADED * level], limits)[1]
-    elif not str(record.metadata.get("normal_force_source", "")).startswith("constant"):
-        text = f"the normal force is exactly {level:g} N in every row; it was set, not measured"
-        notes.append(Finding("normal_force_not_measured", "info", text))
-    notes += limits.finding(
-        "unloaded_rows", "unloaded_rows", load.unloaded,
-        f"{100 * load.unloaded:.1f} % of the rows press with less than {100 * UNLOADED:.0f} % of the load ({size}); "
-        "leave them out with window or choose the loaded step",
-    )  # fmt: skip
-    notes += limits.finding(
-        "load_drift", "load_drift", abs(drift),
-        f"the normal force {'rises' if drift > 0 else 'falls'} by {percent(abs(drift), of=size)} from the first to the "
-        "last tenth; a fit follows it with the effect varying_normal_force, and else takes the mean",
-    )  # fmt: skip
-    notes += limits.finding(
-        "load_ripple", "load_ripple", ripple,
-        f"the normal force ripples by {percent(ripple, of=size)} (standard deviation); check the load control and the "
-        "flatness of the track",
-    )  # fmt: skip
-    return load, notes
 
 
 def typical_load(normal: FloatArray) -> float:
@@ -189,76 +219,111 @@ def mean_and_drift(normal: FloatArray) -> tuple[float, float]:
     return float(np.mean(force)), float(np.median(few[-tenth:]) - np.median(few[:tenth])) / level
 
 
+def _look_at_load(record: Record, used: Rows, limits: Thresholds) -> tuple[Load, list[Finding]]:
+    """Measure the normal force of the rows that count."""
+    normal = kept(record.normal_force, used)
+    level, (mean, drift) = typical_load(normal), mean_and_drift(normal)
+    if level <= 0:
+        text = "the normal force is zero or pulls; a pressing load was expected; check its column, unit and zero point"
+        return Load(level, mean, 0.0, 0.0, 1.0), [Finding("no_load", "reject", text)]
+    few = thinned(normal)
+    loaded = few > _LOADED * level
+    ripple = 0.0
+    if np.count_nonzero(loaded) > 2:
+        time = thinned(kept(record.time, used))[loaded]
+        line = np.polyval(np.polyfit(time - time[0], few[loaded], 1), time - time[0])
+        ripple = float(np.std(few[loaded] - line)) / level
+    load = Load(level, mean, drift, ripple, np.count_nonzero(normal < UNLOADED * level) / normal.size)
+    notes, size = list[Finding](), f"{level:.3g} N"
+    if np.ptp(normal) > 0:  # rows without a load lie at the lowest value of a sound sensor
+        notes += _clipping("normal force", normal[normal >= UNLOADED * level], limits)[1]
+    elif not str(record.metadata.get("normal_force_source", "")).startswith("constant"):
+        text = f"the normal force is exactly {level:g} N in every row; it was set, not measured"
+        notes.append(Finding("normal_force_not_measured", "info", text))
+    if load.unloaded:
+        text = (
+            f"{100 * load.unloaded:.1f} % of the rows press with less than a tenth of the load ({size}); leave them "
+            "out with window or choose the loaded step"
+        )
+        notes.append(Finding("unloaded_rows", "warning", text))
+    notes += limits.finding(
+        "load_drift", "load_drift", abs(drift),
+        f"the normal force {'rises' if drift > 0 else 'falls'} by {percent(abs(drift), of=size)} from the first to the "
+        "last tenth; a fit follows it with the effect varying_normal_force, and else takes the mean",
+    )  # fmt: skip
+    notes += limits.finding(
+        "load_ripple", "load_ripple", ripple,
+        f"the normal force ripples by {percent(ripple, of=size)} (standard deviation); check the load control and the "
+        "flatness of the track",
+    )  # fmt: skip
+    return load, notes
+
+
 # Where a log shows the drive at rest: before it starts and after it has stopped, and what the sensor shows there.
 
 _FEWEST: Final = 20  # rows of a rest that is worth a word
 _SLOW: Final = 0.05  # share of the usual speed of the drive below which it rests
 _BAND: Final = 4.0  # standard deviations of the noise that a force at rest may span to either side
-_LOW: Final = 0.5  # share of the sliding force below which a flat beginning is rest and not sliding
-_SHARE: Final = 0.9  # part of a flat stretch that is measured: its end already moves by what the band allows
 
 
-@dataclass(frozen=True)
-class Rest:
-    """A stretch at rest: rows [start, stop) and mean friction force there [N]."""
+def _rests(friction: FloatArray, speed: FloatArray | None) -> tuple[int, int]:
+    """Return how many rows lie before the drive moves, and from which row on it has stopped.
 
-    start: int
-    stop: int
-    force: float
-
-
-@dataclass(frozen=True)
-class Rests:
-    """Rest before the drive starts and after it has stopped; None where there is none."""
-
-    before: Rest | None = None
-    after: Rest | None = None
-
-
-def find_rests(record: Record, friction: FloatArray, speed: FloatArray | None = None) -> Rests:
-    """Find the rests at both ends of a record.
-
-    friction (n,) [N]: the friction force, NaN where it does not count. speed (n,) [m/s]: of a column that is known to
-    be the drive; without one, a force that stays within its noise below half of the sliding force is rest before the
-    start, and nothing tells of a stop.
+    Without a column of the drive, a force (n,) [N] that stays within its noise below half of the sliding force is rest
+    before the start, and nothing tells of a stop.
     """
-    if speed is None and isinstance(record.drive_speed, np.ndarray):
-        speed = np.abs(record.drive_speed)
-    finite = np.isfinite(friction)
+    whole = (0, friction.size)
     if speed is not None and speed.max() > 0:
         moving = np.flatnonzero(speed > _SLOW * np.quantile(speed, 0.9))
-        rests = []
-        for start, stop in ((0, int(moving[0])), (int(moving[-1]) + 1, friction.size)):
-            inside = friction[start:stop][finite[start:stop]]
-            rests.append(Rest(start, stop, float(inside.mean())) if inside.size >= _FEWEST else None)
-        return Rests(*rests)
-    force = kept(friction, finite)
+        return int(moving[0]), int(moving[-1]) + 1
+    finite = np.isfinite(friction)
+    force, width = kept(friction, finite), _FEWEST // 4
     if force.size < 3 * _FEWEST:
-        return Rests()
-    level, width = float(np.median(force[: _FEWEST // 2])), _FEWEST // 4
+        return whole
     band = max(_BAND * noise_of(force), 1e-9 * float(np.abs(force).max()))
     smooth = np.convolve(force, np.ones(width) / width, mode="valid")
-    outside = np.flatnonzero(np.abs(smooth - level) > band)
+    outside = np.flatnonzero(np.abs(smooth - np.median(force[: _FEWEST // 2])) > band)
     rows = int(outside[0]) + width // 2 if outside.size else force.size
-    inside = force[: int(_SHARE * rows)]
-    if not _FEWEST <= rows < _SHARE * force.size:
-        return Rests()
+    inside = force[: int(0.9 * rows)]  # its end already moves by what the band allows
+    if not _FEWEST <= rows < 0.9 * force.size:
+        return whole
     rises = abs(np.polyfit(np.arange(inside.size), inside, 1)[0]) * inside.size >= 0.5 * band
-    level = float(np.mean(inside))
-    if rises or abs(level) >= _LOW * float(np.median(np.abs(thinned(force[rows:])))):
-        return Rests()
-    return Rests(Rest(0, int(np.flatnonzero(finite)[rows - 1]) + 1, level))
+    if rises or abs(np.mean(inside)) >= 0.5 * float(np.median(np.abs(thinned(force[rows:])))):
+        return whole
+    return int(np.flatnonzero(finite)[rows - 1]) + 1, friction.size
 
 
-def noise_of(force: FloatArray) -> float:
-    """Return the standard deviation of the noise [N], from the steps between samples; at least their quantisation."""
-    steps = np.abs(thinned_steps(force))
-    robust = 1.4826 * float(np.median(steps)) / np.sqrt(2.0)
-    smallest = float(np.min(steps, where=steps > 0, initial=np.inf))
-    if smallest > np.sqrt(12.0) * robust:  # the smallest of all may be smaller still
-        steps = np.abs(np.diff(force))
-        robust = max(robust, float(np.min(steps, where=steps > 0, initial=np.inf)) / np.sqrt(12.0))
-    return robust if robust < np.inf else 0.0
+def _at_rest(
+    record: Record, sound: Rows, load: Load, speed: FloatArray | None, limits: Thresholds
+) -> tuple[float | None, list[Finding]]:
+    """Return the residual force [N], None where the log does not show it, and what is to say of it and of a stop."""
+    friction = shown(record.friction_force, sound)
+    begin, stop = _rests(friction, speed)
+    moving = sound.copy()
+    moving[:begin] = moving[stop:] = False
+    sliding = float(np.median(np.abs(thinned(friction[moving if np.count_nonzero(moving) > 1 else sound]))))
+    unpressed, residual, notes = sound & (record.normal_force < UNLOADED * load.level), None, list[Finding]()
+    if np.count_nonzero(unpressed) >= _FEWEST:
+        residual = float(np.median(friction[unpressed]))
+        when, remedy = "while nothing presses", f'tare = "{residual:.3g} N"'
+    elif np.count_nonzero(sound[:begin]) >= _FEWEST:
+        end, residual = record.time[max(int(0.9 * begin), 1)], float(np.nanmean(friction[: int(0.9 * begin)]))
+        when, remedy = f"before the drive moves (to {end:.4g} s)", f'tare = ["0 s", "{end:.4g} s"]'
+    if residual is not None and sliding:
+        share = abs(residual) / sliding
+        notes = limits.finding(
+            "residual_force", "residual_force", share,
+            f"the friction force shows {residual:.3g} N {when}, {percent(share, of='the sliding force')}; zero the "
+            f"sensor or take it off with {remedy}",
+        )  # fmt: skip
+    if np.count_nonzero(sound[stop:]) >= _FEWEST:
+        since, locked = float(record.time[stop]), float(np.nanmean(friction[stop:]))
+        text = (
+            f"the drive stops at {since:.4g} s, and {locked:.3g} N stay locked in; leave it out with window = "
+            f'["0 s", "{since:.4g} s"]'
+        )
+        notes.append(Finding("stopped", "warning", text))
+    return residual, notes
 
 
 # Gaps of the clock: pauses of the recording, packets of rows that were stamped when they were read, and rows lost.
@@ -266,9 +331,9 @@ def noise_of(force: FloatArray) -> float:
 MOST_PAUSES: Final = 20
 """Gaps of a log that is taken in parts, each longer than one over this number of the rows; one with more lost rows."""
 _FEWEST_PACKETS: Final = 4
-_STRAIGHT: Final = 0.5  # of a gap: by how much the begin of a packet may miss the line through all begins
-_AS_INSIDE: Final = 0.9
-"""Quantile of the steps of the force from row to row, which the median step over a gap stays below in packets."""
+_AS_INSIDE: Final = (
+    0.9  # quantile of the steps of the force from row to row, which those over gaps of packets are below
+)
 
 
 def _long_gaps(time: FloatArray) -> npt.NDArray[np.intp]:
@@ -290,7 +355,7 @@ def packets(time: FloatArray, force: FloatArray) -> float | None:
     begins, ends = time[gaps[:-1] + 1], gaps[1:]  # a packet is read when its last row is there
     interval, first = np.polyfit(ends, begins, 1)
     pause = float(np.median(time[gaps + 1] - time[gaps]))
-    if np.max(np.abs(begins - first - interval * ends)) > _STRAIGHT * pause:
+    if np.max(np.abs(begins - first - interval * ends)) > 0.5 * pause:
         return None
     step = np.abs(np.diff(force))
     goes_on = np.nanmedian(step[gaps]) <= np.nanquantile(np.delete(step, gaps), _AS_INSIDE)
@@ -308,33 +373,17 @@ def pauses(time: FloatArray, force: FloatArray) -> npt.NDArray[np.intp]:
     return gaps if gaps.size <= MOST_PAUSES and packets(time, force) is None else gaps[:0]
 
 
-# How a record was sampled: rate, jitter, dropouts, rate switches; step by step, pauses between steps aside.
+# How a record was sampled: rate, jitter, rows lost; step by step, pauses between steps aside.
 
-_EVEN: Final = 1e-3
-_WINDOW: Final = 51  # intervals over which the local rate is the median
-_DROPOUT: Final = 1.5
-_ODD_FIRST: Final = 0.2
-_NAMED: Final = 5
-
-
-@dataclass(frozen=True)
-class RateSwitch:
-    """A change of the sampling rate: when [s], from and to [Hz]."""
-
-    time: float
-    before: float
-    after: float
+_WINDOW: Final = 51  # intervals over which the local interval is the median: dropouts do not move it
+_SWITCH: Final = 1.5  # times, by which the local interval changes where the rate does, or an interval of a dropout
 
 
 @dataclass(frozen=True)
 class Sampling:
-    """rate [Hz]: 1 / mean interval, dropouts aside; where it changes for good 1 / median interval. jitter: robust
-    standard deviation of the interval as share of the interval.
-
-    dropouts: gaps of more than one and a half intervals; missing: rows that would fill them; longest_gap [s], which
-    begins at longest_at [s]; odd_first: a first interval of a step off by more than 20 %; switches: where the rate
-    changes for good.
-    """
+    """rate [Hz]: 1 / mean interval, dropouts aside; where it changes in mid-log 1 / median interval. jitter: robust
+    standard deviation of the interval as share of the interval. dropouts: gaps of more than one and a half intervals;
+    missing: rows that would fill them; longest_gap [s], which begins at longest_at [s]."""
 
     rate: float
     jitter: float
@@ -342,8 +391,6 @@ class Sampling:
     missing: int
     longest_gap: float
     longest_at: float
-    odd_first: bool
-    switches: tuple[RateSwitch, ...]
 
 
 def describe_sampling(
@@ -353,36 +400,31 @@ def describe_sampling(
 
     used: (n,) the rows that count; a stretch that was left out is no gap of the clock.
     """
-    whole = [(step.start, step.stop) for step in record.steps]
+    stretches = [(step.start, step.stop) for step in record.steps]
     if used is not None and not used.all():
-        whole = [(start + int(a), start + int(b)) for start, stop in whole for a, b in true_runs(used[start:stop])]
-    stretches, notes = _without_pauses(record, whole, thresholds)
-    clocks = [time for start, stop in stretches if (time := record.time[start:stop]).size > 1]
-    clocks = clocks or [record.time]  # steps of one row each
-    odd, switches, levels = False, list[RateSwitch](), list[FloatArray]()
-    for time in clocks:
-        change = np.diff(time)
-        odd = odd or (change.size > 2 and abs(change[0] / np.median(thinned(change)) - 1) > _ODD_FIRST)
-        level = _local_interval(change)
-        switches += _switches(time, level, float(levels[-1][-1]) if levels else None, thresholds["rate_switch"])
-        levels.append(level)
-    change, level = np.concatenate([np.diff(time) for time in clocks]), np.concatenate(levels)
-    gaps = change > _DROPOUT * level
-    steady = thinned(kept(change, ~gaps))
+        stretches = [(a + int(i), a + int(j)) for a, b in stretches for i, j in true_runs(used[a:b])]
+    parts, lasting, notes = list[tuple[int, int]](), list[tuple[float, float]](), list[Finding]()
+    for start, stop in stretches:
+        time = record.time[start:stop]
+        ends = pauses(time, record.friction_force[start:stop])
+        lasting += [(float(time[i + 1] - time[i]), float(time[i])) for i in ends]
+        parts += pairwise([start, *(start + ends + 1).tolist(), stop])
+    clocks = [record.time[a:b] for a, b in parts if b - a > 1] or [record.time]  # steps of one row each
+    change, level = (np.concatenate(each) for each in zip(*map(_intervals, clocks), strict=True))
+    gaps = change > _SWITCH * level
+    steady, lost = thinned(kept(change, ~gaps)), change[gaps]
     even = steady / thinned(kept(level, ~gaps))
+    begins = np.concatenate([time[:-1] for time in clocks])
+    switched = float(level.max()) > _SWITCH * float(level.min())
     # A clock of whole milliseconds alternates: its median is one of two steps.
-    usual = np.median(thinned(change)) if switches or steady.size < 3 else np.mean(steady[1:])
-    begins = np.concatenate([time[:-1] for time in clocks])[gaps]
-    longest = int(np.argmax(change[gaps])) if gaps.any() else 0
+    usual = np.median(thinned(change)) if switched or steady.size < 3 else np.mean(steady[1:])
     sampling = Sampling(
         rate=float(1 / usual),
         jitter=float(1.4826 * np.median(np.abs(even - np.median(even)))) if even.size else 0.0,
-        dropouts=int(np.count_nonzero(gaps)),
-        missing=int(np.sum(np.round(change[gaps] / level[gaps]) - 1)),
-        longest_gap=float(change[gaps][longest]) if gaps.any() else 0.0,
-        longest_at=float(begins[longest]) if gaps.any() else 0.0,
-        odd_first=bool(odd),
-        switches=tuple(switches),
+        dropouts=lost.size,
+        missing=int(np.sum(np.round(lost / level[gaps]) - 1)),
+        longest_gap=float(np.max(lost, initial=0.0)),
+        longest_at=float(begins[gaps][np.argmax(lost)]) if lost.size else 0.0,
     )
     rate = packets(record.time, record.friction_force)
     if rate is not None:
@@ -392,19 +434,27 @@ def describe_sampling(
             f'evenly, give their rate, as in --rate "{rate:.4g} Hz" (in a scene: rate = "{rate:.4g} Hz")'
         )
         return sampling, [Finding("packets", "reject", text)]
-    if odd:
-        text = "the first sampling interval differs from the others, as CETR logs have it"
-        notes.append(Finding("odd_first_interval", "info", text))
-    if switches:
-        named = [f"at {s.time:.6g} s from {s.before:.4g} to {s.after:.4g} Hz" for s in switches]
-        more = f" and {len(named) - _NAMED} more" if len(named) > _NAMED else ""
-        text = f"the sampling rate changes {'; '.join(named[:_NAMED])}{more}; log at one rate, or cut one part with "
-        notes.append(Finding("rate_switch", "warning", f"{text}window"))
-    notes += thresholds.finding(
-        "dropouts", "missing_rows", sampling.missing / (change.size + len(clocks) + sampling.missing),
-        f"{sampling.dropouts} gap(s) in the clock, about {sampling.missing} rows missing, the longest gap "
-        f"{sampling.longest_gap:.4g} s at {sampling.longest_at:.6g} s; write to a faster disk",
-    )  # fmt: skip
+    if lasting:
+        longest, at = max(lasting)
+        text = (
+            f"the recording pauses {len(lasting)} time(s), longest for {longest:.4g} s at {at:.6g} s; what lies before "
+            "and after a pause is looked at apart"
+        )
+        notes.append(Finding("pauses", "warning", text))
+    if switched:
+        at = float(begins[1:][np.argmax(np.abs(np.diff(np.log(level))))])
+        text = (
+            f"the sampling rate changes between {1 / level.max():.4g} and {1 / level.min():.4g} Hz, as at {at:.6g} s; "
+            "log at one rate, or cut one part with window"
+        )
+        notes.append(Finding("rate_switch", "warning", text))
+    if sampling.missing:
+        severity = thresholds.severity("missing_rows", sampling.missing / (change.size + sampling.missing)) or "info"
+        text = (
+            f"{sampling.dropouts} gap(s) in the clock, about {sampling.missing} rows missing, the longest gap "
+            f"{sampling.longest_gap:.4g} s at {sampling.longest_at:.6g} s; write to a faster disk"
+        )
+        notes.append(Finding("dropouts", severity, text))
     notes += thresholds.finding(
         "jitter", "jitter", sampling.jitter,
         f"the sampling interval jitters by {100 * sampling.jitter:.0f} % about {1 / sampling.rate:.4g} s; let the "
@@ -413,101 +463,33 @@ def describe_sampling(
     return sampling, notes
 
 
-def _without_pauses(
-    record: Record, pieces: Sequence[tuple[int, int]], limits: Thresholds
-) -> tuple[list[tuple[int, int]], list[Finding]]:
-    """Return stretches of rows [start, stop) cut at the pauses of the recording, and what to say of these."""
-    parts, lasting = [], []
-    for start, stop in pieces:
-        time = record.time[start:stop]
-        ends = pauses(time, record.friction_force[start:stop])
-        lasting += [(float(time[i + 1] - time[i]), float(time[i])) for i in ends]
-        parts += list(pairwise([start, *(start + ends + 1).tolist(), stop]))
-    if not limits.beyond("missing_rows", sum(gap for gap, _ in lasting) / float(record.time[-1])):
-        return parts, []
-    longest, at = max(lasting)
-    text = (
-        f"the recording pauses {len(lasting)} time(s), longest for {longest:.4g} s at {at:.6g} s; what lies before and "
-        "after a pause is looked at apart"
-    )
-    return parts, [Finding("pauses", "warning", text)]
+def _intervals(time: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the intervals of a clock (n,) and the median interval around each, (n - 1,)."""
+    change = np.diff(time)
+    if np.ptp(change) <= 1e-3 * change[0]:  # an even clock needs no window
+        return change, np.broadcast_to(np.median(thinned(change)), change.shape)
+    import scipy  # few logs need it
 
-
-def _local_interval(change: FloatArray) -> FloatArray:
-    """Median interval around each interval, shape (n - 1,): a few dropouts do not move it, a switch does."""
-    if change.size and np.ptp(change) <= _EVEN * change[0]:  # an even clock needs no window
-        return np.broadcast_to(np.median(thinned(change)), change.shape)
-    import pandas as pd  # 0.3 s: few logs need it
-
-    window = min(_WINDOW, change.size)
-    return pd.Series(change).rolling(window, center=True, min_periods=1).median().to_numpy(dtype=np.float64)
-
-
-def _switches(time: FloatArray, level: FloatArray, previous: float | None, factor: float) -> list[RateSwitch]:
-    """Return the places where the local interval leaves a factor about the one before, within one step."""
-    switches: list[RateSwitch] = []
-    reference, start = previous if previous is not None else float(level[0]), 0
-    while start < level.size:
-        outside = np.flatnonzero((level[start:] < reference / factor) | (level[start:] > reference * factor))
-        if not outside.size:
-            break
-        place = start + int(outside[0])
-        settled = float(level[min(place + _WINDOW // 2, level.size - 1)])
-        if max(settled / reference, reference / settled) > factor:
-            switches.append(RateSwitch(float(time[place]), 1 / reference, 1 / settled))
-            reference = settled
-        start = place + _WINDOW // 2 + 1
-    return switches
+    return change, scipy.ndimage.median_filter(change, min(_WINDOW, change.size), mode="mirror")
 
 
 # The gate as a whole.
 
-Verdict = Literal["accept", "accept with warnings", "reject"]
-
 
 @dataclass(frozen=True)
 class Quality:
-    """What the gate measured. Findings hold the record's own first, then those of the gate.
-
-    sampling, signal, load: see `Sampling`, `Signal`, `Load`. rests: the drive at rest at both ends of the log.
-    residual [N]: friction force before the drive moves or while nothing presses, None where the log does not show it.
-    coefficient_error: median share by which the file's own coefficient differs from friction / normal force, None
-    where the file has none.
-    """
+    """What the gate measured: sampling, load, every number by its name with its unit; and the findings, those of the
+    record first."""
 
     sampling: Sampling
-    signal: Signal
     load: Load
-    rests: Rests
-    residual: float | None
-    coefficient_error: float | None
+    figures: Mapping[str, tuple[float | None, str]]
     findings: tuple[Finding, ...]
 
     @property
     def verdict(self) -> Verdict:
         """The worst finding decides."""
         return verdict_of(self.findings)
-
-    @property
-    def figures(self) -> dict[str, tuple[float | None, str]]:
-        """Every number of the gate by name, with its unit."""
-        sampling, signal, load = self.sampling, self.signal, self.load
-        locked = self.rests.after
-        return {
-            "sampling_rate": (sampling.rate, "Hz"),
-            "jitter": (sampling.jitter, ""),
-            "missing_rows": (sampling.missing, ""),
-            "repeated_rows": (signal.repeated, ""),
-            "resolution": (signal.resolution, "N"),
-            "clipped_rows": (signal.clipped, ""),
-            "residual_force": (self.residual, "N"),
-            "force_after_stop": (None if locked is None else locked.force, "N"),
-            "normal_force": (load.mean, "N"),
-            "normal_force_drift": (load.drift, ""),
-            "normal_force_ripple": (load.ripple, ""),
-            "unloaded_rows": (load.unloaded, ""),
-            "coefficient_error": (self.coefficient_error, ""),
-        }
 
 
 def verdict_of(findings: Sequence[Finding]) -> Verdict:
@@ -524,69 +506,52 @@ def assess(
 ) -> Quality:
     """Look at a record's clock and forces; never changes it and never fails on a valid record.
 
-    used: (n,) the rows that count (None: all), as the scene cuts them. thresholds: see `data_io.thresholds`.
-    speed (n,) [m/s]: how fast the drive moves, where a column is known to be it.
+    used: (n,) the rows that count (None: all), as the scene cuts them. speed (n,) [m/s]: how fast the drive moves,
+    where a column is known to be it.
     """
     used = np.ones(len(record), dtype=bool) if used is None else used
     sampling, notes = describe_sampling(record, used, thresholds)
     sound = used & np.isfinite(record.friction_force) & np.isfinite(record.normal_force)
-    if np.count_nonzero(sound) < 2:
+    load, friction = Load(0.0, 0.0, 0.0, 0.0, 0.0), kept(record.friction_force, sound)
+    clipped, resolution, repeated, residual = 0, 0.0, 0.0, None
+    if friction.size < 2:
         text = "fewer than two rows count; widen window, exclude less, or take a longer log"
-        findings = (*record.findings, *notes, Finding("no_rows", "reject", text))
-        return Quality(sampling, Signal(0, 0.0, 0.0), Load(0.0, 0.0, 0.0, 0.0, 0.0), Rests(), None, None, findings)
-    load, about_load = _look_at_load(record, sound, thresholds)
-    rests = find_rests(record, shown(record.friction_force, sound), speed)
-    signal, about_friction = _look_at_friction(record, sound, thresholds)
-    residual, about_rest = _at_rest(record, sound, load, rests, thresholds)
-    error = _coefficient_error(record, sound, load.level)
-    about_coefficient = thresholds.finding(
-        "coefficient_disagrees", "coefficient", error or 0.0,
-        f"the file's own coefficient differs from friction force / normal force by {percent(error or 0.0)} (median); "
-        "check zero points and columns",
-    )  # fmt: skip
-    findings = (*record.findings, *notes, *about_friction, *about_load, *about_rest, *about_coefficient)
-    return Quality(sampling, signal, load, rests, residual, error, findings)
-
-
-def _at_rest(
-    record: Record, sound: Rows, load: Load, rests: Rests, limits: Thresholds
-) -> tuple[float | None, list[Finding]]:
-    """Return the residual force [N] and what is to say of it and of a stop."""
-    moving, stop = sound.copy(), rests.after
-    for rest in filter(None, (rests.before, stop)):
-        moving[rest.start : rest.stop] = False
-    moving = moving if np.count_nonzero(moving) > 1 else sound
-    sliding = float(np.median(np.abs(thinned(kept(record.friction_force, moving)))))
-    unpressed = sound & (record.normal_force < UNLOADED * load.level)
-    residual, when, remedy = None, "", ""
-    if np.count_nonzero(unpressed) >= _FEWEST:
-        residual = float(np.median(record.friction_force[unpressed]))
-        when, remedy = "while nothing presses", f'tare = "{residual:.3g} N"'
-    elif rests.before is not None:
-        end = record.time[max(int(0.9 * rests.before.stop), 1)]
-        residual = rests.before.force
-        when, remedy = f"before the drive moves (to {end:.4g} s)", f'tare = ["0 s", "{end:.4g} s"]'
-    share = abs(residual or 0.0) / sliding if sliding else 0.0
-    notes = limits.finding(
-        "residual_force", "residual_force", share,
-        f"the friction force shows {residual or 0.0:.3g} N {when}, {percent(share, of='the sliding force')}; zero the "
-        f"sensor or take it off with {remedy}",
-    )  # fmt: skip
-    if stop is not None:
-        since = float(record.time[stop.start])
-        text = f"the drive stops at {since:.4g} s, and {stop.force:.3g} N stay locked in; leave it out with window = "
-        share = (stop.stop - stop.start) / len(record)
-        notes += limits.finding("stopped", "stopped_rows", share, f'{text}["0 s", "{since:.4g} s"]')
-    return residual, notes
-
-
-def _coefficient_error(record: Record, sound: Rows, load: float) -> float | None:
-    name = next((name for name in record.channels if parse_name(name).key in COEFFICIENTS), None)
-    if name is None or record.channel_units[name] not in ("", "-", "1"):
-        return None
-    stated, friction = np.abs(record.channels[name]), np.abs(record.friction_force)
-    usable = sound & np.isfinite(stated) & (record.normal_force > 0.5 * load) & (friction > 0.1 * friction[sound].max())
-    if load <= 0 or not usable.any():
-        return None
-    own = friction[usable] / record.normal_force[usable]
-    return float(np.median(np.abs(stated[usable] - own) / own))
+        notes.append(Finding("no_rows", "reject", text))
+    else:
+        span = float(np.ptp(friction))
+        if span == 0.0:
+            text = f"the friction force is exactly {friction[0]:g} N in every row; a living signal was expected"
+            notes.append(Finding("friction_constant", "reject", f"{text}; check it"))
+        else:
+            clipped, about = _clipping("friction force", friction, thresholds)
+            resolution = grid_step(friction)
+            repeated = _repeated(record, sound, resolution)
+            notes += about
+            notes += thresholds.finding(
+                "friction_coarse", "quantisation", resolution / span,
+                f"the friction force comes in steps of {resolution:.3g} N, coarse against its range of {span:.3g} N; "
+                "use a smaller measuring range of the sensor, or export more digits",
+            )  # fmt: skip
+            notes += thresholds.finding(
+                "repeated_rows", "repeated_rows", repeated,
+                f"{100 * repeated:.0f} % of the rows repeat the measured values of the row before: the logger is "
+                "faster than the sensor, or loses it now and then; log at the rate of the sensor, and leave such "
+                "stretches out",
+            )  # fmt: skip
+        load, about = _look_at_load(record, sound, thresholds)
+        residual, at_rest = _at_rest(record, sound, load, speed, thresholds)
+        notes += [*about, *at_rest]
+    figures: dict[str, tuple[float | None, str]] = {
+        "sampling_rate": (sampling.rate, "Hz"),
+        "jitter": (sampling.jitter, ""),
+        "missing_rows": (sampling.missing, ""),
+        "repeated_rows": (repeated, ""),
+        "resolution": (resolution, "N"),
+        "clipped_rows": (clipped, ""),
+        "residual_force": (residual, "N"),
+        "normal_force": (load.mean, "N"),
+        "normal_force_drift": (load.drift, ""),
+        "normal_force_ripple": (load.ripple, ""),
+        "unloaded_rows": (load.unloaded, ""),
+    }
+    return Quality(sampling, load, figures, (*record.findings, *notes))

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record, Step
+from data_io.quality import percent
 from data_io.record import WINDOW_START
-from data_io.thresholds import percent
 from identify.base.document import Json, to_dict, to_document
 from identify.base.result import ClassicalTable
 from identify.base.wording import DASH, columns, number, programme_text, quantity, split_key, wrapped

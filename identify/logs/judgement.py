@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from data_io import Record
 from data_io.arrays import kept, thinned
-from data_io.quality import Quality, Verdict, assess, presses, verdict_of
-from data_io.thresholds import DEFAULTS, Thresholds, percent
+from data_io.quality import DEFAULTS, Quality, Thresholds, Verdict, assess, percent, presses, verdict_of
 from data_io.values import Finding
 from identify.base.result import QualityFigure, QualityResult
 from identify.logs.noise import line_slope, slope_error
@@ -25,8 +24,9 @@ ENDS_LOADING = "the log ends while the first stick still loads"
 RECORD_LONGER = "record longer, or faster"
 ENOUGH = 1 << 12  # samples that tell a level
 FEW = 3  # slips of the normal force, or of the force turned over, where the friction force has none
+USUAL = (0.001, 10.0)  # friction over normal force; beyond it a unit is wrong
 LINE, LARGE = 0.35, 0.05  # share of the power in the line of an oscillation, and its sd over the force, worth a word
-FEWEST, MOST = 2.2, 14.0  # samples per period of an oscillation that is sampled too slowly
+SAMPLES = (2.2, 4.0, 14.0)  # per period: of an oscillation that may be seen, may be counted, and is sampled well enough
 BLOCKS = 12  # of what slides, that show a drift
 
 
@@ -108,7 +108,7 @@ def judge(
     drifts = [_drift(part) for part in parts]
     for part, slope, drift in zip(parts, slopes, drifts, strict=True):
         notes += _of_slips(part, slope, drift, thresholds)
-    notes += _suspicions(record, [part.phases for part in parts], thresholds)
+    notes += _suspicions(record, [part.phases for part in parts])
     figures = {name: QualityFigure(value, unit) for name, (value, unit) in quality.figures.items()}
     figures["spikes"] = QualityFigure(int(sum(np.count_nonzero(part.spikes) for part in parts)))
     for name, values in (("stick_slope_error", slopes), ("friction_drift", drifts)):
@@ -208,27 +208,36 @@ def _drift(part: RecordPart) -> float | None:
 # What is probably wrong with a log although it can be read: units, columns, wiring, sampling.
 
 
-def _suspicions(record: Record, phases: Sequence[Segmentation], limits: Thresholds) -> Iterator[Finding]:
+def _suspicions(record: Record, phases: Sequence[Segmentation]) -> Iterator[Finding]:
     """Findings of unit, columns, wiring and sampling; phases: the segmentation of each step of the record."""
     normal, friction = record.normal_force, record.friction_force
-    loaded = np.isfinite(normal) & np.isfinite(friction) & (normal > 0)
-    if loaded.any():
+    sound = np.isfinite(normal) & np.isfinite(friction)
+    if (loaded := sound & (normal > 0.0)).any():
         sizes = (thinned(kept(force, loaded), ENOUGH) for force in (np.abs(friction), normal))
         ratio = float(np.quantile(np.divide(*sizes), 0.9))
-        severity = limits.severity("coefficient_highest", ratio) or limits.severity("coefficient_lowest", ratio)
-        if severity and ratio:
+        if ratio and not USUAL[0] <= ratio <= USUAL[1]:
             text = (
                 f"friction is {ratio:.3g} times the normal force; a coefficient of 0.01 to 10 was expected: is mN "
                 "named N, or a column another one? Say it with --units friction_force=mN or --columns"
             )
-            yield Finding("strange_coefficient", severity, text)
-    if np.isfinite(normal).any() and np.isfinite(friction).any():
-        yield from _swapped(record, slips=any(p.count for p in phases))
-    for step, part in zip(record.steps, phases, strict=False):
+            yield Finding("strange_coefficient", "warning", text)
+    if sound.any():
+        few = [np.abs(thinned(kept(force, sound), ENOUGH)) for force in (normal, friction)]
+        of_normal, of_friction = (np.diff(np.quantile(f, [0.1, 0.9])) / max(np.median(f), 1e-300) for f in few)
+        still = of_friction <= of_normal and (of_friction <= 0.05 or not any(p.count for p in phases))
+        parts = (slice(step.start, step.stop) for step in record.steps)
+        count = max(segment(record.time[part], normal[part]).count for part in parts) if still else 0
+        if count >= FEW:
+            text = (
+                f"the normal force sticks and slips ({count} slips) and the friction force does not: are the two "
+                "swapped? Say it with --columns normal_force=…,friction_force=…"
+            )
+            yield Finding("forces_swapped", "warning", text)
+    for step, own in zip(record.steps, phases, strict=False):
         rows = slice(step.start, step.stop)
         force = np.where(presses(normal[rows]), friction[rows], np.nan)
-        if part.count:
-            onset, arrest = (float(np.median(ends)) for ends in (part.cycles.onset_force, part.cycles.arrest_force))
+        if own.count:
+            onset, arrest = (float(np.median(ends)) for ends in (own.cycles.onset_force, own.cycles.arrest_force))
             if arrest < -0.5 * onset:  # inertia makes a third of it
                 text = (
                     f"the force oscillates about zero, from {onset:.3g} N to {arrest:.3g} N, as no friction does: its "
@@ -237,29 +246,10 @@ def _suspicions(record: Record, phases: Sequence[Segmentation], limits: Threshol
                 )
                 yield Finding("zero_lost", "warning", text)
         elif np.isfinite(force).any() and len(turns_of_sign(force)) == 1:  # to and fro it is the drive that oscillates
-            yield from _of_sliding(record.time[rows], force, limits)
+            yield from _of_sliding(record.time[rows], force)
 
 
-def _swapped(record: Record, *, slips: bool) -> Iterator[Finding]:
-    """Slips of the normal force where the friction force hardly moves."""
-    ranges = []
-    for force in (record.normal_force, record.friction_force):
-        low, middle, high = np.quantile(np.abs(thinned(kept(force, np.isfinite(force)), ENOUGH)), [0.1, 0.5, 0.9])
-        ranges.append(float((high - low) / middle) if middle > 0.0 else np.inf)
-    if ranges[1] > ranges[0] or (ranges[1] > 0.05 and slips):
-        return
-    count = max(
-        segment(record.time[s.start : s.stop], record.normal_force[s.start : s.stop]).count for s in record.steps
-    )
-    if count >= FEW:
-        text = (
-            f"the normal force sticks and slips ({count} slips) and the friction force does not: are the two swapped? "
-            "Say it with --columns normal_force=…,friction_force=…"
-        )
-        yield Finding("forces_swapped", "warning", text)
-
-
-def _of_sliding(time: Array, force: Array, limits: Thresholds) -> Iterator[Finding]:
+def _of_sliding(time: Array, force: Array) -> Iterator[Finding]:
     """A saw-tooth upside down, else an oscillation of what slides, or one that is sampled too slowly."""
     mirrored = classify(time, -np.copysign(1.0, np.nanmedian(force)) * force)
     slips = mirrored.regime is not None and mirrored.regime.slips and mirrored.confidence > 0.95
@@ -275,9 +265,9 @@ def _of_sliding(time: Array, force: Array, limits: Thresholds) -> Iterator[Findi
         return
     level, line = float(np.nanmedian(np.abs(force))), seen.oscillation
     large = seen.share(line.frequency) >= LINE and np.sqrt(seen.variance) >= LARGE * level
-    if not large or line.samples < FEWEST or line.frequency < CERTAIN * float(seen.frequency[1]):
+    if not large or line.samples < SAMPLES[0] or line.frequency < CERTAIN * float(seen.frequency[1]):
         return
-    if line.samples > MOST:
+    if line.samples > SAMPLES[2]:
         text = (
             f"the force oscillates by {line.range:.3g} N ({percent(line.range / level) if level else 'about zero'}), "
             f"{line.frequency:.3g} times a second, without a slip: an oscillation of rig, track or drive, which a mean "
@@ -285,10 +275,10 @@ def _of_sliding(time: Array, force: Array, limits: Thresholds) -> Iterator[Findi
         )
         yield Finding("swings", "warning", text)
         return
-    rates, wanted = (20.0, 50.0, 100.0, 200.0, 500.0, 1000.0, 2000.0, 5000.0, 10_000.0), 50.0 * line.frequency
+    size = 10.0 ** np.floor(np.log10(50.0 * line.frequency))
     text = (
-        f"the force oscillates at {line.frequency:.3g} Hz, with {line.samples:.1f} samples per period: too "
-        "few to distinguish stick from slip (all is called sliding); sample at "
-        f"{next((r for r in rates if r >= wanted), wanted):g} Hz or more"
+        f"the force oscillates at {line.frequency:.3g} Hz, with {line.samples:.1f} samples per period: too few to "
+        "distinguish stick from slip (all is called sliding); sample at "
+        f"{size * np.ceil(50.0 * line.frequency / size):g} Hz or more"
     )
-    yield Finding("sampled_too_slowly", limits.severity("samples_per_cycle", line.samples) or "warning", text)
+    yield Finding("sampled_too_slowly", "reject" if line.samples < SAMPLES[1] else "warning", text)

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Literal
 
-from data_io.thresholds import Thresholds
+from data_io.quality import Thresholds
 from data_io.values import LogError
 from identify.base.budget import DEFAULT_TIME_LIMIT
 from identify.base.errors import SceneError

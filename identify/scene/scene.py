@@ -10,7 +10,7 @@ from types import SimpleNamespace
 from typing import Literal
 
 from data_io.contents import log_is_at
-from data_io.thresholds import DEFAULTS, Thresholds
+from data_io.quality import DEFAULTS, Thresholds
 from identify.base.budget import DEFAULT_TIME_LIMIT
 from identify.base.errors import SceneError
 from identify.effects import ALL

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from data_io import Record
-from data_io.thresholds import Thresholds
+from data_io.quality import Thresholds
 from experiments.study_problem import DEMO, RIG
 from identify.base.errors import FitError, SceneError
 from identify.effects import MAIN

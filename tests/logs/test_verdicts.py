@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from data_io.thresholds import LIMITS, Thresholds
+from data_io.quality import LIMITS, REJECT, Thresholds
 from identify.logs.judgement import judge
 from tests.support.verdict_cases import CASES, RATE, N, made, saw
 
@@ -31,20 +31,13 @@ def test_every_threshold_has_its_cases():
 
 @pytest.mark.parametrize("name", CASES)
 def test_a_log_a_bit_beyond_a_threshold_is_told_and_one_a_bit_within_is_not(name):
-    make, beyond, within, code = CASES[name]
-    assert told(make(beyond), code) == LIMIT[name].severity
-    assert told(make(within), code) != LIMIT[name].severity
-    if LIMIT[name].severity == "reject":
-        assert judge(*make(beyond)).verdict == "reject" and judge(*make(within)).verdict == "accept with warnings"
-    else:
-        assert judge(*make(beyond)).verdict == "accept with warnings"
-
-
-@pytest.mark.parametrize("name", CASES)
-def test_a_threshold_that_is_moved_away_is_silent(name):
-    make, beyond, _, code = CASES[name]
+    make, beyond, within, code, *rejected = CASES[name]
+    assert told(make(beyond), code) == "warning" and told(make(within), code) is None
     never = math.inf if LIMIT[name].beyond == "above" else 0.0
-    assert told(make(beyond), code, {name: never}) != LIMIT[name].severity
+    assert told(make(beyond), code, {name: never}) is None, "a threshold that is moved away is silent"
+    assert LIMIT[name].rejects == bool(rejected)
+    for value, verdict in zip(rejected, ("reject", "accept with warnings"), strict=False):
+        assert judge(*make(value)).verdict == verdict
 
 
 def test_what_no_threshold_can_excuse():
@@ -75,7 +68,8 @@ def test_friction_that_falls_with_its_load_does_not_drift(told):
 def test_the_page_of_thresholds_is_the_table(request):
     page = (request.config.rootpath / "docs" / "quality.md").read_text(encoding="utf-8")
     for limit in LIMITS:
-        row = f"| `{limit.name}` | {limit.value:g} | {limit.unit or '-'} | {limit.severity} | {limit.meaning} |"
+        rejects = f"{REJECT * limit.value:g}" if limit.rejects else "-"
+        row = f"| `{limit.name}` | {limit.value:g} | {rejects} | {limit.unit} | {limit.meaning} |"
         assert row in page, row
     table = page.partition("## Findings")[0]
     assert table.count("| `") == len(LIMITS)

@@ -15,7 +15,19 @@ from data_io.correct import Corrections, correct
 from identify import Scene
 from identify.logs.judgement import judge
 from identify.logs.recorded_drive import with_drive_checked
-from tests.support.verdict_cases import RATE, N, clipped_run, made, noise, saw
+from tests.support.verdict_cases import (
+    RATE,
+    N,
+    clipped_run,
+    made,
+    noise,
+    rate_switch,
+    ratio,
+    samples_per_swing,
+    saw,
+    stopped,
+    unloaded_rows,
+)
 
 Found = Sequence[Finding]
 Make = Callable[[Path], Found]
@@ -73,10 +85,6 @@ def rtec(rows: int) -> str:
     """Two steps, the second of so many rows; Timestamp restarts."""
     table = [f"{k},{i / 10},{k},3,1.5" for k, n in ((1, 5), (2, rows)) for i in range(n)]
     return "\n".join(["Step, Timestamp, RecipeStep, DAQ.Fz (N),DAQ.Fx (N)", *table, ""])
-
-
-def first_interval(share: float) -> tuple[Record, list[Any]]:
-    return made(time=np.r_[0.0, (share + np.arange(N - 1)) / RATE])
 
 
 def one_value_but(rows: int) -> np.ndarray:
@@ -266,7 +274,14 @@ CASES: dict[str, list[tuple[Make, Make]]] = {
         (log(umt(step(1), "Step No. 2\nX = 1\n")), log(umt(step(1), "Step 2 was left out\n"))),
     ],
     "short_steps": [(log(rtec(2)), log(rtec(3)))],
-    "odd_first_interval": [(judged(lambda: first_interval(1.21)), judged(lambda: first_interval(1.19)))],
+    "stopped": [(judged(lambda: stopped(60)), judged(lambda: stopped(15)))],
+    "unloaded_rows": [(judged(lambda: unloaded_rows(0.09)), judged(lambda: unloaded_rows(0.11)))],
+    "rate_switch": [(judged(lambda: rate_switch(1.6)), judged(lambda: rate_switch(1.4)))],
+    "strange_coefficient": [
+        (judged(lambda: ratio(10.5)), judged(lambda: ratio(9.5))),
+        (judged(lambda: ratio(0.00095)), judged(lambda: ratio(0.00105))),
+    ],
+    "sampled_too_slowly": [(judged(lambda: samples_per_swing(3.9)), judged(lambda: samples_per_swing(15.0)))],
     "still_loading": [(judged(lambda: loading(1.0)), judged(lambda: loading(0.8)))],
     "friction_constant": [(judged(lambda: made(one_value_but(0))), judged(lambda: made(one_value_but(1))))],
     "no_load": [
