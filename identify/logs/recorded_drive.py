@@ -14,7 +14,7 @@ from data_io import Record
 from data_io.arrays import thinned, true_runs
 from data_io.columns import DISTANCES
 from data_io.derived_columns import StatedVelocity, stated_velocity
-from data_io.drive import MOST, SAME, Motion, Programme, SpeedSteps, evened, motion_of, steps_of
+from data_io.drive import MOST, SAME, Programme, even, evened, motion_of
 from data_io.quality import pauses
 from data_io.values import Finding
 from identify.base.wording import speed_text
@@ -38,7 +38,6 @@ SPEED_TEXT = re.compile(
 )
 NOT_STATED = "it is not stated in the log"
 DISAGREES = "drive_speed_disagrees"  # the code of the finding
-EVEN = 0.05  # share by which the halves of an even stretch may differ
 APART = 0.02  # share of the larger by which a stated and a recorded speed contradict each other
 LEAST_SHARE = 0.1  # of the samples: a sign of the force that holds for fewer is no stroke of its own
 CLEAR = 0.3  # of the typical force: what counts as a sign
@@ -74,7 +73,7 @@ def recorded_drive(record: Record) -> RecordedDrive:
     """What a record shows of its drive: its drive speed, else a column of speed or position whose name says so, else
     one that moves as fast as the head of the log states: others are carriages, radii or wear."""
     if isinstance(record.drive_speed, np.ndarray):
-        return _of_steps(steps_of(record.time, record.drive_speed), "drive_speed", "as stated in the log")
+        return replace(_of_column(record, "drive_speed"), source="as stated in the log")
     if record.drive_speed is not None:
         speed = abs(float(record.drive_speed))
         pairs = ((0.0, speed),) if speed else None
@@ -129,7 +128,9 @@ def speed_of(record: Record) -> Array | None:
     position = drive_position(record)
     if position is None or not _travels(record.channels[position]):
         return None
-    return _row_by_row(record, position)
+    index, reach, values = np.arange(len(record)), max(len(record) // 1000, 2), record.channels[position]
+    low, high = np.maximum(index - reach, 0), np.minimum(index + reach, len(record) - 1)
+    return np.abs((values[high] - values[low]) / (record.time[high] - record.time[low]))
 
 
 # Columns by their names.
@@ -169,27 +170,14 @@ def _unused(record: Record) -> str:
     return NOT_STATED
 
 
-def _row_by_row(record: Record, name: str, wider: int = 1) -> Array:
-    """How fast a column means that the drive moves (n,) [m/s]; of a position over so many times the usual rows."""
-    if record.channel_units[name] == "m/s":
-        return np.abs(record.channels[name])
-    index, reach, values = np.arange(len(record)), wider * max(len(record) // 1000, 2), record.channels[name]
-    low, high = np.maximum(index - reach, 0), np.minimum(index + reach, len(record) - 1)
-    return np.abs((values[high] - values[low]) / (record.time[high] - record.time[low]))
-
-
 def _as_fast_as_the_head(record: Record, units: Sequence[str]) -> str | None:
     """The column of one of these units that moves as fast as the head of the log states; None where none does."""
     head = velocity_in_head(record)
     meant = () if head is None else (*head.speeds.values(), 1e-3 * abs(head.value))  # a column shows it in mm/s
-    for name in (name for unit in units for name, own in record.channel_units.items() if own == unit):
-        if not meant or not np.isfinite(record.channels[name]).all():
-            continue
-        usual = []  # a speed is the same over twice as many rows; the differences of noise are half as fast
-        for speed in (_row_by_row(record, name, wider) for wider in (1, 2)):
-            moving = speed > 0.05 * float(np.quantile(speed, 0.9))
-            usual.append(float(np.median(speed[moving])) if moving.any() else 0.0)
-        if any(all(abs(one / own - 1.0) < 0.1 for one in usual) for own in meant):
+    for name in (name for unit in units if meant for name, own in record.channel_units.items() if own == unit):
+        motion = motion_of(record, name)
+        speeds = [abs(piece.speed) for piece in motion.pieces if piece.speed] if motion and even(motion) else []
+        if speeds and any(abs(float(np.median(speeds)) / own - 1.0) < 0.1 for own in meant):
             return name
     return None
 
@@ -197,57 +185,28 @@ def _as_fast_as_the_head(record: Record, units: Sequence[str]) -> str | None:
 # A speed or a position as a programme.
 
 
-def _of_steps(steps: SpeedSteps, name: str, source: str) -> RecordedDrive:
-    if steps.programme is None:
-        return RecordedDrive(None, trouble=f"column {name} {steps.trouble}", stands=steps.stands)
-    return RecordedDrive(_one_way(steps.programme), source)
-
-
-def _one_way(programme: Programme) -> Programme:
-    """A programme that never goes forth is one that never goes back: the sign of a column is a choice."""
-    if max(speed for _, speed in programme) > 0.0:
-        return programme
-    return tuple((start, abs(speed)) for start, speed in programme)
-
-
 def _of_column(record: Record, name: str) -> RecordedDrive:
     """What a column of speed shows, or one of position: pieces of even speed."""
-    values, source = record.channels[name], f"from the slope of column {name}"
-    if record.channel_units[name] == "m/s":
-        return _of_steps(steps_of(record.time, values), _shown(name), f"from column {_shown(name)}")
-    if not np.isfinite(values).all():
-        return RecordedDrive(None, trouble=f"column {name} has gaps")
-    motion = motion_of(record, name) if _travels(values) else None
+    shown, values = _shown(name), record.columns()[name]
+    source = f"from {'the slope of ' if record.units()[name] == 'm' else ''}column {shown}"
+    if np.count_nonzero(np.isfinite(values)) < 0.9 * values.size:
+        return RecordedDrive(None, trouble=f"column {shown} has gaps")
+    motion = motion_of(record, name)
     if motion is None:
-        return RecordedDrive(None, trouble=f"column {name} stands still", stands=True)
+        return RecordedDrive(None, trouble=f"column {shown} stands still", stands=True)
     if len(motion.pieces) > MOST:
-        return RecordedDrive(None, trouble=f"column {name} has {len(motion.pieces)} pieces, more than {MOST}")
-    if _even(record.time, values, motion):
+        return RecordedDrive(None, trouble=f"column {shown} has {len(motion.pieces)} pieces, more than {MOST}")
+    if even(motion):
         speeds = evened([piece.speed for piece in motion.pieces])
         pairs = [(piece.time, speed) for piece, speed in zip(motion.pieces, speeds, strict=True)]
         pairs = [(0.0, pairs[0][1]), *(b for a, b in pairwise(pairs) if a[1] != b[1])]
-        return RecordedDrive(_one_way(tuple(pairs)), source)
-    rate, start = np.polyfit(record.time, values, 1)
-    if np.std(values - (start + rate * record.time)) < 0.02 * np.std(values):
+        if max(speeds) <= 0.0:  # never forth: the sign of a column is a choice
+            pairs = [(start, abs(speed)) for start, speed in pairs]
+        return RecordedDrive(tuple(pairs), source)
+    rate, start = np.polyfit(record.time, motion.position, 1)
+    if np.std(motion.position - (start + rate * record.time)) < 0.02 * np.std(motion.position):
         return RecordedDrive(((0.0, abs(float(rate))),), source)
-    return RecordedDrive(None, trouble=f"column {name} does not move evenly between its turns and rests")
-
-
-def _even(time: Array, position: Array, motion: Motion) -> bool:
-    """Whether every stretch moves at one speed: its halves do."""
-    fast = max(abs(piece.speed) for piece in motion.pieces)
-    noise = float(np.median(np.abs(np.diff(position, 2)))) / 1.65
-    for piece in motion.pieces:
-        inset = (piece.stop - piece.start) // 10
-        first, last = piece.start + inset, piece.stop - inset
-        half = (last - first) // 2
-        if half < 20:
-            continue
-        a, b = (float(np.polyfit(time[i : i + half], position[i : i + half], 1)[0]) for i in (first, last - half))
-        error = noise * float(np.sqrt(24.0 / half)) / float(time[first + half] - time[first])
-        if abs(a - b) > EVEN * max(abs(piece.speed), EVEN * fast) + 4.0 * error:
-            return False
-    return True
+    return RecordedDrive(None, trouble=f"column {shown} does not move evenly between its turns and rests")
 
 
 def _travels(position: Array) -> bool:

@@ -74,7 +74,7 @@ WEAR = 1e-6 * TIME
     ("name", "unit", "values", "words"),
     [
         ("drive_speed", "", None, "no drive speed, and it is not stated in the log; give drive_speed"),
-        ("Velocity", "m/s", 1e-3 * (2 + np.sin(TIME)), "column Velocity goes gradually"),
+        ("Velocity", "m/s", 1e-3 * (2 + np.sin(TIME)), "column Velocity does not move evenly"),
         ("Position", "m", 1e-3 * np.sin(TIME), "column Position does not move evenly"),
         ("Position", "m", np.full(TIME.size, -0.69e-3), "column Position stands still"),
         ("Z", "m", WEAR, 'column Z is not taken for the drive.*--columns "position=Z"'),
