@@ -60,11 +60,11 @@ def assemble(source: Source, request: Request, contents: Contents) -> Record:
     picked = chosen(source, request, run)
     notes = [*contents.findings, *(note for part, messages in cleaned if part in picked for note in messages)]
     pulls = not settled and request.normal_force is None and _pressed_negative(run)
-    begin = contents.skipped if len(picked) == 1 else None
+    alone = len(picked) == 1
     steps = []
     for part in picked:
         label = f"step {part.number}" if len(run) > 1 else ""
-        step, remarks = _in_si(source, request, part, label, settled, begin)
+        step, remarks = _in_si(source, request, part, label, settled, alone)
         steps.append(step)
         notes += remarks
     offsets, remarks = joined(
@@ -91,7 +91,7 @@ def assemble(source: Source, request: Request, contents: Contents) -> Record:
     if spans := _unused_spans(request):
         bad = ~(np.isfinite(columns["normal_force"]) & np.isfinite(columns["friction_force"]))
     if bad.any():  # rows that hold no force in stretches that nobody uses
-        keep = _without_needless(columns["time"] + contents.skipped, bad, spans, ends=True)
+        keep = _without_needless(columns["time"], bad, spans, ends=True)
         columns = {name: values[keep] for name, values in columns.items()}
         bounds = np.concatenate(([0], np.cumsum(keep)))[bounds]
     rows = zip(picked, pairwise(bounds.tolist()), strict=True)
@@ -108,18 +108,18 @@ def assemble(source: Source, request: Request, contents: Contents) -> Record:
 
 
 def _in_si(
-    source: Source, request: Request, part: Part, label: str, settled: bool, begin: float | None
+    source: Source, request: Request, part: Part, label: str, settled: bool, alone: bool
 ) -> tuple[_SiStep, list[Finding]]:
-    """Return one step in SI and what was noticed; begin: of its first row [s] in the window's clock, if known."""
+    """Return one step in SI and what was noticed; alone: the window counts from its first row."""
     _check_roles(source, request, part, label)
     _refuse_doubtful_roles(source, request, part)
     notes = _choices(request, part)  # before any column is turned into SI where it stands
     raw_time = _role(source, request, part, "time")
     wanted: Rows = slice(None)
     spans = _unused_spans(request)
-    if begin is not None and spans and np.isfinite(raw_time).any() and not step_range(raw_time)[0] > 0.0:
+    if alone and spans and np.isfinite(raw_time).any() and not step_range(raw_time)[0] > 0.0:
         falls = ~(raw_time > np.concatenate(([-np.inf], np.fmax.accumulate(raw_time)[:-1])))
-        since = raw_time - (raw_time[np.argmax(np.isfinite(raw_time))] - begin)
+        since = raw_time - raw_time[np.argmax(np.isfinite(raw_time))]
         wanted = np.flatnonzero(_without_needless(since, falls, spans, ends=False))
     time, rows, remarks = usable_rows(source, StepClock(label, _kept(raw_time, wanted)))
     rows = rows if isinstance(wanted, slice) else wanted[rows]
@@ -393,8 +393,6 @@ def _account(source: Source, request: Request, part: Part, contents: Contents, s
         "format": contents.form,
     }
     about.pop(WINDOW_START, None)  # of the log that the file was made from
-    if contents.skipped:
-        about[WINDOW_START] = contents.skipped
     if start != 0:
         about["file_time_start"] = start + float(contents.metadata.get("file_time_start", 0.0))
     return about

@@ -56,8 +56,7 @@ class Contents:
     """What a reader found in a log: the steps, what the file says besides, what was noticed; form: name of the format.
 
     settled: the format is ours, compression is positive and every column is kept. drive_speed [m/s]: what the file
-    says outside its columns. skipped [s]: how long the log had run before the first row here, where only the window
-    that was asked for was read.
+    says outside its columns.
     """
 
     parts: Sequence[Part]
@@ -65,7 +64,6 @@ class Contents:
     findings: Sequence[Finding] = ()
     settled: bool = False
     drive_speed: float | None = None
-    skipped: float = 0.0
     form: str = ""
 
 

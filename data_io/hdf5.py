@@ -10,7 +10,6 @@ than memory. Files are opened so that they can do no harm: read-only, nothing ou
 
 from __future__ import annotations
 
-import bisect
 import contextlib
 import functools
 import io
@@ -20,21 +19,18 @@ import signal
 import subprocess
 import sys
 import threading
-import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from data_io import hdf5_walk
 from data_io.columns import Header, Name, coefficient_column, match_header, role_indices, words
-from data_io.contents import Contents, Part, unit_of
+from data_io.contents import Contents, Part
 from data_io.source import LEAST_SUSPECT, Request, Source
-from data_io.units import factor, to_si
+from data_io.units import to_si
 from data_io.values import COLUMN_ROLES, FloatArray, LogError, LogTooLargeError, UnitError
 from data_io.write import ABOUT, FORMAT, FORMAT_VERSION, Account, read_account
 
@@ -53,8 +49,9 @@ _MOST_GROUPS: Final = 2000
 _PATIENCE: Final = 1
 """Seconds of computing after which a file whose structure is not walked through is given up; a sound one takes
 milliseconds."""
-_LONGEST: Final = 60.0  # seconds of waiting after which it is given up whatever the reason
 _BYTES_PER_SECOND: Final = 2e9
+_MOST_ITEMS: Final = 100_000
+_SMALL: Final = 1 << 20  # bytes of a dataset that is read on the walk
 _LONGEST_CHAIN: Final = 16
 _HELD: Final = ("unable to lock file", "already open for write")
 """What the library says of a file that is sound, but not free."""
@@ -71,6 +68,12 @@ def can_read(head: bytes) -> bool:
     return any(head[place : place + 8] == b"\x89HDF\r\n\x1a\n" for place in (0, *(512 << i for i in range(7))))
 
 
+_LIBRARY_ERRORS: Final = (
+    OSError, RuntimeError, KeyError, ValueError, TypeError, EOFError, AttributeError, OverflowError,
+)  # fmt: skip
+"""What h5py raises over a damaged file."""
+
+
 @contextmanager
 def opened(source: Source) -> Iterator[h5py.File]:
     """Open the file read-only. Raises the source's `LogError` for a damaged one.
@@ -82,20 +85,21 @@ def opened(source: Source) -> Iterator[h5py.File]:
 
     target = source.file()
     damaged = "the HDF5 file is damaged ({:.120}); an intact one is needed; copy it again"
-    if hasattr(os, "fork") and hasattr(signal, "SIGXCPU"):  # Windows has no way to limit the computing of a process
+    if hasattr(os, "fork"):  # Windows has no way to limit the computing of a process
         if isinstance(target, str):
             status = Path(target).stat()
-            wrong = _wrong_with(os.path.realpath(target), status.st_ino, status.st_size, status.st_mtime_ns)
+            ended = _walked(os.path.realpath(target), status.st_ino, status.st_size, status.st_mtime_ns)
         else:
-            wrong = _verdict(_forked(target, source.size))
-        if wrong:
+            ended = _forked(target, _PATIENCE)
+        if ended < 0:  # by a signal
+            wrong = "the library hangs on it" if ended == -signal.SIGXCPU else "the library crashes on it"
             raise source.error(damaged.format(wrong))
     try:
         with h5py.File(target, "r", **({"locking": "best-effort"} if source.held is None else {})) as file:
             yield file
     except LogError:
         raise
-    except hdf5_walk.LIBRARY_ERRORS as error:
+    except _LIBRARY_ERRORS as error:
         reason = str(error).strip("'\"").split("\n")[0]
         if any(words in reason for words in _HELD):
             raise source.error(
@@ -106,54 +110,86 @@ def opened(source: Source) -> Iterator[h5py.File]:
 
 
 @functools.lru_cache(maxsize=256)
-def _wrong_with(path: str, _inode: int, size: int, _changed: int) -> str:
-    """Say what happens on a walk through a file as it is now, "" where nothing does."""
+def _walked(path: str, _inode: int, size: int, _changed: int) -> int:
+    """How another process ends that walks through a file as it is now (negative: by that signal)."""
+    patience = _PATIENCE + int(size / _BYTES_PER_SECOND)
     # a copy of this process would inherit the locks of its other threads
-    alone = sys.platform == "linux" and threading.active_count() == 1
-    return _verdict((_forked if alone else _spawned)(path, size))
+    if sys.platform == "linux" and threading.active_count() == 1:
+        return _forked(path, patience)
+    work = f"from data_io.hdf5 import limited_walk; limited_walk({path!r}, {patience})"
+    where = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    quiet = subprocess.DEVNULL
+    try:
+        command = [sys.executable, "-P", "-c", work]
+        return subprocess.run(command, env=where, stdin=quiet, stdout=quiet, stderr=quiet, check=False).returncode
+    except OSError:  # no process can be started here: better an unguarded look than none
+        return 0
 
 
-def _verdict(status: int | None) -> str:
-    if status is None or status == -signal.SIGXCPU:
-        return "the library hangs on it"
-    return "the library crashes on it" if status < 0 else ""
-
-
-def _forked(target: str | io.BytesIO, size: int) -> int | None:
-    """Walk in a copy of this process; return how it ended (negative: by that signal), None where it did not."""
+def _forked(target: str | io.BytesIO, patience: int) -> int:
+    """Walk in a copy of this process; return how it ended."""
     import h5py  # noqa: F401  in the parent, so that every child has it
 
     child = os.fork()
     if child == 0:
         with contextlib.suppress(BaseException):
             signal.signal(signal.SIGINT, signal.SIG_DFL)
-            hdf5_walk.limited_walk(target, _PATIENCE + int(size / _BYTES_PER_SECOND))
+            limited_walk(target, patience)
         os._exit(0)
-    until, pause = time.monotonic() + _LONGEST, 1e-4
-    while time.monotonic() < until:
-        done, status = os.waitpid(child, os.WNOHANG)
-        if done:
-            return os.waitstatus_to_exitcode(status)
-        time.sleep(pause)
-        pause = min(2 * pause, 2e-3)  # a sound file takes some 20 ms
-    os.kill(child, signal.SIGKILL)
-    os.waitpid(child, 0)
-    return None
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
 
 
-def _spawned(path: str, size: int) -> int | None:
-    """The same in a new interpreter, which loads that one file and h5py: half the time of the whole package."""
-    where = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    command = [sys.executable, "-P", hdf5_walk.__file__, path, str(_PATIENCE + int(size / _BYTES_PER_SECOND))]
-    quiet = subprocess.DEVNULL
-    try:
-        return subprocess.run(
-            command, env=where, timeout=_LONGEST, stdin=quiet, stdout=quiet, stderr=quiet, check=False
-        ).returncode
-    except subprocess.TimeoutExpired:
-        return None
-    except OSError:  # no process can be started here: better an unguarded look than none
-        return 0
+def limited_walk(target: str | io.BytesIO, patience: int) -> None:
+    """Touch every group, attribute and chunk index of a file once, without its numbers; the system ends this process
+    when that takes more seconds of computing than `patience`.
+
+    An error ends the look at one item only: behind a damaged dataset may stand one that hangs.
+    """
+    import resource
+
+    import h5py
+
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    limit = int(used.ru_utime + used.ru_stime) + patience + (1 if used.ru_utime + used.ru_stime > 0.2 else 0)
+    hard = resource.getrlimit(resource.RLIMIT_CPU)[1]
+    resource.setrlimit(resource.RLIMIT_CPU, (limit, hard))
+    signal.signal(signal.SIGXCPU, signal.SIG_DFL)
+    with h5py.File(target, "r") as file:
+        seen, stack = {h5py.h5o.get_info(file["/"].id).addr}, [file["/"]]
+        while stack and len(seen) < _MOST_ITEMS:
+            item, names = stack.pop(), list[str]()
+            _touch(item)
+            with contextlib.suppress(*_LIBRARY_ERRORS):
+                names.extend(item if isinstance(item, h5py.Group) else ())
+            for name in names:
+                with contextlib.suppress(*_LIBRARY_ERRORS):
+                    if not isinstance(item.get(name, getlink=True), h5py.HardLink):
+                        continue
+                    child = item[name]
+                    address = h5py.h5o.get_info(child.id).addr
+                    if address not in seen:
+                        seen.add(address)
+                        stack.append(child)
+
+
+def _touch(item: h5py.HLObject) -> None:
+    import h5py
+
+    names = ["units", "unit", "Units", "Unit", "name"]  # which readers ask for, even where the list is damaged
+    with contextlib.suppress(*_LIBRARY_ERRORS):
+        names.extend(item.attrs)
+    for name in dict.fromkeys(names):
+        with contextlib.suppress(*_LIBRARY_ERRORS):
+            item.attrs[name]
+    if not isinstance(item, h5py.Dataset):
+        return
+    with contextlib.suppress(*_LIBRARY_ERRORS):
+        if item.is_virtual or item.external:
+            return
+        if item.chunks is not None:
+            item.id.chunk_iter(lambda _: None)
+        if item.size is not None and item.size * item.dtype.itemsize <= _SMALL:
+            item[()]
 
 
 def _member(source: Source, file: h5py.File, path: str) -> h5py.Group | h5py.Dataset | None:
@@ -194,26 +230,15 @@ def _children(group: h5py.Group) -> Iterator[tuple[str, h5py.HLObject]]:
 # How much memory a log may take, asked before it is read.
 
 
-def check_memory(source: Source, rows: int, columns: int, until: Callable[[int], float] | None) -> None:
-    """Refuse so many float64 numbers where they do not fit into memory. Raises `LogTooLargeError`.
-
-    until: tells the time [s] of a row; None where no part of the rows can be read.
-    """
+def check_memory(source: Source, rows: int, columns: int) -> None:
+    """Refuse so many float64 numbers where they do not fit into memory. Raises `LogTooLargeError`."""
     wanted, free = 8 * rows * columns, free_memory()
-    if free is None or wanted <= _SHARE * free:
-        return
-    fewer = " or fewer columns with --channels none" if columns > len(COLUMN_ROLES) - 1 else ""
-    part = f"write a part of its rows to a file of its own{fewer and ', or read'}{fewer.removeprefix(' or')}"
-    if until is not None:
-        stop = f"{until(int(rows * _SHARE * free / wanted) - 1):.4g} s"
-        part = (
-            f'read a part of the log with --window "0 s,{stop}" (for a fit, convert that part to a file '
-            f"of its own), one step with --step{fewer and ','}{fewer}"
+    if free is not None and wanted > _SHARE * free:
+        raise LogTooLargeError(
+            f"{source.path}: the columns asked for take {wanted / 1e9:.3g} GB where {free / 1e9:.3g} GB of memory are "
+            "free; read one step with --step or fewer columns with --channels none, or write a part of its rows to a "
+            "file of its own"
         )
-    raise LogTooLargeError(
-        f"{source.path}: the columns asked for take {wanted / 1e9:.3g} GB where {free / 1e9:.3g} GB of memory are "
-        f"free; {part}"
-    )
 
 
 def check_promise(source: Source, name: str, promised: int, stored: int, packed: bool) -> None:
@@ -258,8 +283,6 @@ class _ColumnWithin:
     key: int | str
     label: str
     attrs: dict[str, Any]
-    ndim: int = 2
-    """That of the dataset, which is read otherwise than one that is a column."""
 
     @property
     def name(self) -> str:
@@ -281,12 +304,11 @@ class _ColumnWithin:
     def __getattr__(self, name: str) -> Any:
         return getattr(self.dataset, name)
 
-    def __getitem__(self, key: object) -> Any:
-        rows = key[0] if isinstance(key, tuple) and key else slice(None)
+    def __getitem__(self, _all: tuple[()]) -> Any:
         if isinstance(self.key, str):
-            return np.ravel(self.dataset[self.key])[rows]
+            return np.ravel(self.dataset[self.key])
         upright = self.dataset.shape[0] >= self.dataset.shape[1]
-        return self.dataset[rows, self.key] if upright else self.dataset[self.key, rows]
+        return self.dataset[:, self.key] if upright else self.dataset[self.key, :]
 
 
 def _columns_within(dataset: h5py.Dataset) -> list[_ColumnWithin]:
@@ -357,13 +379,11 @@ def read(source: Source, request: Request) -> Contents:
                     text = f"the attribute drive_speed: {error}; correct it and drive_speed_units"
                     raise source.error(text) from error
         wanted = [part.run == run and request.step in (None, part.number) for part, _ in tables]
-        request, span = _by_file_clock(request, [table for table, read in zip(tables, wanted, strict=True) if read])
         parts = [
             replace(part, columns=_columns(source, request, part.header, datasets)) if read else part
             for (part, datasets), read in zip(tables, wanted, strict=True)
         ]
-        skipped = _skipped(source, request, parts, span)
-        return Contents(parts, account.metadata, account.findings, ours, speed, skipped)
+        return Contents(parts, account.metadata, account.findings, ours, speed)
 
 
 def _of_layout(
@@ -426,38 +446,6 @@ def _dataset_at(source: Source, file: h5py.File, path: str) -> h5py.Dataset | No
     return None
 
 
-def _by_file_clock(request: Request, tables: Sequence[_Table]) -> tuple[Request, tuple[float, float]]:
-    """Return the request with its window in the clock of the file (None: clocks restart), and that clock's ends [s]."""
-    clocks = [_clock(request, part.header, datasets) for part, datasets in tables if datasets]
-    clocks = [(time, scale) for time, scale in clocks if time.size]
-    if request.window is None or not clocks or any(scale is None for _, scale in clocks):
-        return replace(request, window=None), (0.0, 0.0)
-    ends = [(_number_at(time, 0), _number_at(time, time.size - 1)) for time, _ in clocks]
-    begin, end = ends[0][0] * (clocks[0][1] or 1.0), ends[-1][1] * (clocks[-1][1] or 1.0)
-    if any(later[0] <= before[1] for before, later in pairwise(ends)):
-        return replace(request, window=None), (0.0, 0.0)
-    start, stop = request.window
-    return replace(request, window=(start + begin, stop + begin)), (begin, end)
-
-
-def _skipped(source: Source, request: Request, parts: Sequence[Part], span: tuple[float, float]) -> float:
-    """Return how long the log had run [s] before the first row that was read; span: as `_by_file_clock` gives it."""
-    if request.window is None:
-        return 0.0
-    read = [part for part in parts if part.rows and np.isfinite(part.columns[part.header.roles["time"]][0])]
-    rows = sum(part.rows for part in read)
-    if rows < 2:
-        start, stop = (time - span[0] for time in request.window)
-        clock = f", counted from its first row, where the clock of the file shows {span[0]:.6g} s" if span[0] else ""
-        raise source.error(
-            f"the window {start:g} to {stop:g} s holds {rows} row(s); the log runs from 0 to "
-            f"{span[1] - span[0]:.6g} s{clock}; move the window inside"
-        )
-    index = read[0].header.roles["time"]
-    scale = factor(unit_of(request, read[0].header, index) or "s", "s")
-    return float(read[0].columns[index][0]) * scale - span[0]
-
-
 def _named_column(column: tuple[str, h5py.Dataset]) -> tuple[str, str | None]:
     """Return the name of a column, by its attribute or its link, and its unit."""
     link, item = column
@@ -487,7 +475,7 @@ def _the_run(source: Source, request: Request, tables: Sequence[_Table]) -> int 
 def _columns(
     source: Source, request: Request, header: Header, datasets: Sequence[h5py.Dataset]
 ) -> dict[int, FloatArray]:
-    """Read the columns with a role, and the channels that were asked for; within the window, if there is one."""
+    """Read the columns with a role, and the channels that were asked for."""
     wanted = [
         index
         for index, name in enumerate(header.names)
@@ -512,47 +500,12 @@ def _columns(
         raise source.error(f"the datasets differ in length ({sizes:.200}); equal lengths were expected; export again")
     if not header.names:
         return {}
-    time, scale = _clock(request, header, datasets)
-    rows = slice(0, int(time.size))
-    if request.window is not None and scale is not None:  # by `_by_file_clock` it is in the clock of the file
-        places, number = range(int(time.size)), functools.partial(_number_at, time)
-        start = bisect.bisect_left(places, request.window[0] / scale, key=number)
-        rows = slice(start, max(bisect.bisect_right(places, request.window[1] / scale, key=number), start))
-    check_memory(
-        source,
-        rows.stop - rows.start,
-        len(wanted),
-        lambda row: (_number_at(time, row) - _number_at(time, 0)) * (scale or 1.0),
-    )
+    check_memory(source, datasets[0].size, len(wanted))
     columns = {}
-    for count, index in enumerate(wanted, start=1):
-        data = datasets[index]
-        if data.ndim != 1:
-            columns[index] = np.asarray(data[()], dtype=np.float64).reshape(-1)[rows].copy()
-        else:  # without a selection the library is a third faster
-            whole = rows == slice(0, data.size)
-            columns[index] = np.asarray(data[()] if whole else data[rows], dtype=np.float64)
+    for count, index in enumerate(wanted, start=1):  # without a selection the library is a third faster
+        columns[index] = np.asarray(datasets[index][()], dtype=np.float64).reshape(-1)
         request.progress(count / len(wanted))
     return columns
-
-
-def _clock(request: Request, header: Header, datasets: Sequence[h5py.Dataset]) -> tuple[h5py.Dataset, float | None]:
-    """The clock of the file, or its first column, and the factor to seconds; None where nothing tells seconds."""
-    index = header.roles.get("time", 0)
-    time = datasets[index]
-    if "time" not in header.roles or time.size == 0:
-        return time, None
-    try:
-        return time, factor(unit_of(request, header, index) or "s", "s")
-    except UnitError:
-        return time, None
-
-
-def _number_at(dataset: h5py.Dataset, row: int) -> float:
-    """The number in a row of a dataset that is a column, whichever way it lies."""
-    lying = dataset.size > 1
-    place = tuple(row if size != 1 else 0 for size in dataset.shape) if lying else (0,) * dataset.ndim
-    return float(np.ravel(dataset[place])[0])
 
 
 def _groups(parent: h5py.Group, word: str) -> list[tuple[int, h5py.Group]]:

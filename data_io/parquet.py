@@ -49,7 +49,7 @@ def read(source: Source, request: Request) -> Contents:
             kept = [i for i in range(len(fields)) if wanted is None or i in wanted]
             rows = file.metadata.num_rows
             check_promise(source, "table", 8 * rows * len(kept), source.size, packed=True)
-            check_memory(source, rows, len(kept), None)
+            check_memory(source, rows, len(kept))
             table = file.read(columns=[fields[i].name for i in kept])
             columns = {i: _numbers(table.column(fields[i].name)) for i in kept}
     except (pyarrow.ArrowException, OSError, ValueError, TypeError, LookupError, OverflowError) as error:

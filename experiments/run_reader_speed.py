@@ -1,17 +1,14 @@
-"""How long logs take to read, beside the fastest plain way of pandas and h5py, and a file larger than the memory.
+"""How long logs take to read, beside the fastest plain way of pandas and h5py.
 
 A table in CETR's layout with nine columns, one with the three of a log, an archive as `convert` writes it and a plain
 HDF5 file. Readings take turns; the ratio is the median over turns of ours to the other. pandas is told everything we
 have to find out: rows to skip, columns, types, that nothing is missing; ours are in SI, checked, with sign and clock.
-Then a log whose columns are several times what a process may take: the whole is refused, a window of it is read.
 
     python experiments/run_reader_speed.py [rows [turns]]
 """
 
 from __future__ import annotations
 
-import resource
-import subprocess
 import sys
 import tempfile
 import time
@@ -25,14 +22,13 @@ import pandas as pd
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from data_io import LogError, Record, read_log, write_hdf5
+from data_io import Record, read_log, write_hdf5
 from experiments.machine import describe
 
 NAMES = ("Fx", "Fz", "Z", "Y", "X", "V1", "T", "Ff", "COF")
 UNITS = ("g", "g", "mm", "mm", "mm", "mm/sec", "sec", "g", "")
 ROLES = ("time", "normal_force", "friction_force")
 POOL = 20_000  # rows whose numbers are drawn; then only the time is new
-LIMIT = 1 << 27  # bytes that a process may take beyond what it has when it begins to read
 
 
 def write_text(path: Path, rows: int, columns: list[int]) -> None:
@@ -83,20 +79,6 @@ def ratio(name: str, plain: Callable[[], object], ours: Callable[[], object], tu
     return ratios[0]
 
 
-def under_limit(path: str) -> None:
-    """Read in a process that may hardly grow; run by `main` in a process of its own."""
-    taken = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * resource.getpagesize()
-    resource.setrlimit(resource.RLIMIT_AS, (taken + LIMIT, taken + LIMIT))
-    try:
-        read_log(path)
-        print("the whole log was read: the file is not larger than memory")
-    except LogError as error:
-        print(f"the whole is refused: {str(error).partition(': ')[2]}")
-    record = read_log(path, window=(1000.0, 1050.0), channels=())
-    right = np.array_equal(record.friction_force, 0.4 + (np.arange(1_000_000, 1_000_000 + len(record)) % 400) * 5e-4)
-    print(f"a window of {len(record):,} rows, numbers as written: {right}")
-
-
 def main(fast: bool = False, rows: int | None = None, turns: int | None = None) -> dict[str, float]:
     """Ratio of processor times by case; fast: 20,000 rows, else ten million."""
     rows = (20_000 if fast else 10_000_000) if rows is None else rows
@@ -121,24 +103,7 @@ def main(fast: bool = False, rows: int | None = None, turns: int | None = None) 
         out["3 of 3 columns"] = ratio("3 of 3 columns", lambda: by_pandas(three, None), lambda: read_log(three), turns)
         for name, path in (("HDF5 as `convert` writes it", archive), ("HDF5, plain", plain)):
             out[name] = ratio(name, lambda p=path: by_h5py(p), lambda p=path: read_log(p), turns)  # type: ignore[misc]
-        if not fast:
-            _larger_than_memory(Path(place) / "huge.h5")
     return out
-
-
-def _larger_than_memory(path: Path) -> None:
-    index = np.arange(20_000_000)
-    columns = {
-        "time": index / 1000.0,
-        "normal_force": np.ones(index.size),
-        "friction_force": 0.4 + (index % 400) * 5e-4,
-    }
-    write_plain(path, columns, chunks=(1 << 16,), shuffle=True, compression="gzip", compression_opts=1)
-    code = f"from experiments.run_reader_speed import under_limit; under_limit({str(path)!r})"
-    ran = subprocess.run(
-        [sys.executable, "-c", code], cwd=Path(__file__).parents[1], capture_output=True, text=True, check=False
-    )
-    print("\n" + (ran.stdout + ran.stderr[-2000:]).strip())
 
 
 if __name__ == "__main__":
