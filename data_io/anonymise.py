@@ -52,9 +52,19 @@ def anonymous(record: Record) -> Anonymous:
     name = f"log-{secrets.token_hex(4)}"
     secret = (*KEPT, "path", "sha256", "file_time_start")  # a clock that counts from 1970 tells the day
     kept = {k: v for k, v in record.metadata.items() if k not in secret and is_plain_setting(k, v)}
-    sources = {key: _plain_source(str(record.metadata[key])) for key in KEPT if key in record.metadata}
+    sources = dict[str, str]()
+    for origin in KEPT:
+        text = str(record.metadata.get(origin, ""))
+        if match := _COLUMN_SOURCE.fullmatch(text):
+            text = f"column {match[1] if is_usual(match[1]) else '(renamed)'} in {_plain_unit(match[2])}"
+        elif not (is_usual(text) or text.startswith("constant ")):
+            text = ""
+        sources |= {origin: text} if origin in record.metadata else {}
     steps = [{k: v for k, v in step.parameters.items() if is_plain_setting(k, v)} for step in record.steps]
-    channels = _channel_names(record)
+    channels, usual = dict[str, str](), {name for name in record.channels if is_usual(name)}
+    for old in record.channels:
+        channels[old] = old if old in usual else free_name(f"channel {len(channels) + 1}", usual)
+        usual.add(channels[old])
     about = record.about()
     taken = [
         {k: v for k, v in step.parameters.items() if k not in safe}
@@ -93,25 +103,5 @@ def is_usual(name: str) -> bool:
     return bool(words) and name.isascii() and all(word.lower() in WORDS for word in words)
 
 
-def _plain_source(text: str) -> str:
-    """Where a role came from, without an unusual name of its column."""
-    match = _COLUMN_SOURCE.fullmatch(text)
-    if match is None:
-        return text if is_usual(text) or text.startswith("constant ") else ""
-    name = match[1] if is_usual(match[1]) else "(renamed)"
-    return f"column {name} in {_plain_unit(match[2])}"
-
-
 def _plain_unit(unit: str) -> str:
     return unit if not unit or kind_of(unit) is not None or _SHORT.fullmatch(unit) else "?"
-
-
-def _channel_names(record: Record) -> dict[str, str]:
-    """New name of each channel: its own where that is usual, else "channel 1", "channel 2", ..."""
-    names: dict[str, str] = {}
-    taken = {name for name in record.channels if is_usual(name)}
-    for name in record.channels:
-        new = name if is_usual(name) else free_name(f"channel {len(names) + 1}", taken)
-        taken.add(new)
-        names[name] = new
-    return names

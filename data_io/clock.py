@@ -18,72 +18,54 @@ from data_io.source import Request, Source
 from data_io.units import factor
 from data_io.values import COLUMN_ROLES, LONGEST_GAP, Finding, FloatArray, UnitError
 
-# Clocks as loggers leave them: newest row first, rows that were never written, counters that begin anew.
+# Clocks as loggers leave them.
 
 _COUNTS: Final = tuple(2.0**bits * part for part in (1.0, 1e-3, 1e-6) for bits in (16, 24, 32))
 """What a counter of so many bits holds, in its own counts, thousands and millions of them."""
 
 
 def with_sound_clocks(request: Request, contents: Contents) -> Contents:
-    """Return contents in which the clock of each part goes on from row to row as far as the logger's way is known."""
+    """Return contents in which the clock of each part goes on from row to row as far as the logger's way is known.
+
+    Rows of which the newest stands first are turned over; rows that were never written (zeros in all columns at the
+    begin, zeros of the clock behind it) are left out; a counter of 16, 24 or 32 bits that begins anew is counted on.
+    """
     if contents.settled or request.rate is not None:
         return contents
     parts, findings = [], list(contents.findings)
     for part in contents.parts:
         clock = -1 if part.clocks else part.header.roles.get("time", -1)
-        unsound = clock in part.columns and part.rows > 2 and not step_range(part.columns[clock])[0] > 0.0
-        for repair in (_oldest_first, _written, _counted_on) if unsound else ():
-            part, notes = repair(part, clock)
-            findings += notes
-        parts.append(part)
+        if clock not in part.columns or part.rows < 3 or step_range(part.columns[clock])[0] > 0.0:
+            parts.append(part)
+            continue
+        columns, time = dict(part.columns), part.columns[clock]
+        if np.isfinite(time).all() and (np.diff(time) <= 0.0).all() and time[0] != time[-1]:
+            columns = {index: values[::-1].copy() for index, values in columns.items()}
+            text = "the newest row stands first in the file; the rows were turned over"
+            findings.append(Finding("newest_first", "info", text))
+        time = columns[clock]
+        start, never = int(np.argmax(time != 0.0)), np.zeros(time.size, dtype=bool)
+        if start > 1:  # one row of zeros may be the begin of a log
+            blank = np.all([np.nan_to_num(values[:start]) == 0.0 for values in columns.values()], axis=0)
+            never[:start] = blank & (blank.sum() > 1)
+        for first, last in true_runs(time[start:] <= 0.0) + start if time[start] > 0.0 else ():
+            never[first:last] = last - first > 1 or last == time.size
+        if never.any():
+            columns = {index: values[~never] for index, values in columns.items()}
+            text = f"{np.count_nonzero(never)} rows that were never written (zeros) were left out"
+            findings.append(Finding("never_written", "info", text))
+        change = np.diff(time := columns[clock])
+        falls, rises = np.flatnonzero(change < 0.0), change[change > 0.0]
+        usual = float(np.median(thinned(rises))) if 0 < falls.size < rises.size else np.inf
+        for most in _COUNTS:
+            over = change[falls] + most
+            if usual < 1e-3 * most and (over > 0.0).all() and (over < (LONGEST_GAP + 1.5) * usual).all():
+                columns[clock] = time + most * np.concatenate(([0.0], np.cumsum(change < 0.0)))
+                text = f"the clock is a counter that restarts at {most:.10g}, {falls.size} time(s); it was counted on"
+                findings.append(Finding("counter_begins_anew", "info", text))
+                break
+        parts.append(replace(part, columns=columns))
     return replace(contents, parts=parts, findings=findings)
-
-
-def _oldest_first(part: Part, clock: int) -> tuple[Part, list[Finding]]:
-    """Turn a part over whose clock falls in every row: the newest row stands first."""
-    time = part.columns[clock]
-    if not np.isfinite(time).all() or not (np.diff(time) <= 0.0).all() or time[0] == time[-1]:
-        return part, []
-    columns = {index: values[::-1].copy() for index, values in part.columns.items()}
-    text = "the newest row stands first in the file; the rows were turned over"
-    return replace(part, columns=columns), [Finding("newest_first", "info", text)]
-
-
-def _written(part: Part, clock: int) -> tuple[Part, list[Finding]]:
-    """Leave out rows that were never written: zeros in all columns at the begin, and zeros of the clock behind it."""
-    time = part.columns[clock]
-    start = int(np.argmax(time != 0.0))
-    if not (start > 1 or (time[start] > 0.0 and (time[start:] <= 0.0).any())):
-        return part, []
-    blank = np.all([np.nan_to_num(values[:start]) == 0.0 for values in part.columns.values()], axis=0)
-    never = np.zeros(time.size, dtype=bool)
-    if blank.sum() > 1:  # one may be the begin of a log
-        never[:start] = blank
-    for first, last in true_runs(time[start:] <= 0.0) + start if time[start] > 0.0 else ():
-        never[first:last] = last - first > 1 or last == time.size
-    if not never.any():
-        return part, []
-    columns = {index: values[~never] for index, values in part.columns.items()}
-    text = f"{np.count_nonzero(never)} rows that were never written (zeros) were left out"
-    return replace(part, columns=columns), [Finding("never_written", "info", text)]
-
-
-def _counted_on(part: Part, clock: int) -> tuple[Part, list[Finding]]:
-    """Let a clock go on that counts in 16, 24 or 32 bits and begins anew."""
-    time = part.columns[clock]
-    change = np.diff(time)
-    falls = np.flatnonzero(change < 0.0)
-    if not falls.size or falls.size >= np.count_nonzero(change > 0.0):
-        return part, []
-    usual = float(np.median(thinned(change[change > 0.0])))
-    for most in _COUNTS:
-        over = change[falls] + most
-        if (over > 0.0).all() and (over < (LONGEST_GAP + 1.5) * usual).all() and usual < 1e-3 * most:
-            later: FloatArray = time + most * np.concatenate(([0.0], np.cumsum(change < 0.0)))
-            text = f"the clock is a counter that restarts at {most:.10g}, {falls.size} time(s); it was counted on"
-            columns = {**part.columns, clock: later}
-            return replace(part, columns=columns), [Finding("counter_begins_anew", "info", text)]
-    return part, []
 
 
 # Stamps of an even clock on a grid: decimals, ticks of a timer, single precision.
@@ -226,15 +208,6 @@ def usable_rows(source: Source, clock: StepClock) -> tuple[FloatArray, Rows, lis
         even, notes = evened(time, of_step)
         if notes:  # rows share a stamp that was rounded
             return even, rows, [*findings, *notes]
-    fresh = _fresh_rows(source, time, of_step)
-    if not fresh.all():
-        text = f"{np.count_nonzero(~fresh)} row(s){of_step} repeat the time of the row before; they were left out"
-        findings.append(Finding("repeated_time", "warning", text))
-    return time[fresh], rows[fresh], findings
-
-
-def _fresh_rows(source: Source, time: FloatArray, of_step: str) -> npt.NDArray[np.bool_]:
-    """Return which rows do not repeat the time of the row before; a clock that falls or mostly stands is an error."""
     change = np.diff(time, prepend=-np.inf)
     if (change < 0).any():
         row, falls = int(np.argmax(change < 0)), int(np.count_nonzero(change < 0))
@@ -242,8 +215,7 @@ def _fresh_rows(source: Source, time: FloatArray, of_step: str) -> npt.NDArray[n
             raise source.error(
                 f"the clock{of_step} restarts {falls} times in {time.size} rows, first in row {row + 1} of the numbers "
                 f"({time[row - 1]:.9g} s, then {time[row]:.9g} s); one rising clock was expected; if the rows follow "
-                "each "
-                'other evenly, give their rate, as in --rate "100 Hz", else export again with a clock that goes on'
+                'each other evenly, give their rate, as in --rate "100 Hz", else export again with a clock that goes on'
             )
         raise source.error(
             f"the clock{of_step} falls from {time[row - 1]:.9g} s to {time[row]:.9g} s in row {row + 1} of the "
@@ -256,7 +228,10 @@ def _fresh_rows(source: Source, time: FloatArray, of_step: str) -> npt.NDArray[n
             "expected; export the time with more digits, or, if the rows follow each other evenly, give their rate, as "
             f'in --rate "{(time.size - 1) / max(float(time[-1] - time[0]), 1e-9):.4g} Hz"'
         )
-    return change > 0
+    if repeated:
+        text = f"{repeated} row(s){of_step} repeat the time of the row before; they were left out"
+        findings.append(Finding("repeated_time", "warning", text))
+    return time[change > 0], rows[change > 0], findings
 
 
 def joined(clocks: Sequence[StepClock]) -> tuple[list[float], list[Finding]]:

@@ -191,7 +191,17 @@ def joined_contents(path: Path, read: Sequence[tuple[Path, Contents]]) -> Conten
         parts.sort(key=lambda item: item[1].started or datetime.max)
         order = "their starting times"
     else:
-        _check_names(path, [p for p, _ in read])
+        # Files that may well be separate tests are refused: their names must count up by one.
+        digits = [_DIGITS.findall(p.name) for p, _ in read]
+        alike = len({_DIGITS.sub("#", p.name) for p, _ in read}) == 1
+        varying = [i for i in range(len(digits[0])) if len({d[i] for d in digits}) > 1] if alike else []
+        counted = [int(d[varying[0]]) for d in digits] if len(varying) == 1 else []
+        if len(read) > 1 and (not counted or counted != list(range(counted[0], counted[0] + len(read)))):
+            names = ", ".join(p.name for p, _ in read[:4]) + (", ..." if len(read) > 4 else "")
+            raise LogError(
+                f"{path}: {len(read)} files were found ({names}) that neither say when they were started nor count up "
+                "by one in their names; the files of one test were expected; name single files"
+            )
         order = "the numbers in their names"
     if len(read) > 1:
         findings.append(Finding("joined_files", "info", f"{len(read)} files were joined in the order of {order}"))
@@ -202,20 +212,6 @@ def joined_contents(path: Path, read: Sequence[tuple[Path, Contents]]) -> Conten
     first = read[0][1]
     metadata = {**first.metadata, "files": ", ".join(p.name for p, _ in read)[:2000]}
     return Contents(numbered, metadata, findings, first.settled, first.drive_speed, form=first.form)
-
-
-def _check_names(path: Path, paths: Sequence[Path]) -> None:
-    """Refuse files that may well be separate tests: without starting times their names must count up by one."""
-    numbers = [_DIGITS.findall(p.name) for p in paths]
-    stems = {_DIGITS.sub("#", p.name) for p in paths}
-    varying = [i for i in range(len(numbers[0])) if len({n[i] for n in numbers}) > 1] if len(stems) == 1 else []
-    counted = [int(n[varying[0]]) for n in numbers] if len(varying) == 1 else []
-    if len(paths) > 1 and (not counted or counted != list(range(counted[0], counted[0] + len(paths)))):
-        names = ", ".join(p.name for p in paths[:4]) + (", ..." if len(paths) > 4 else "")
-        raise LogError(
-            f"{path}: {len(paths)} files were found ({names}) that neither say when they were started nor count up by "
-            "one in their names; the files of one test were expected; name single files"
-        )
 
 
 # Whether a log lies where a path says (a file, a folder, a pattern, a file in an archive), and its SHA-256.

@@ -12,7 +12,7 @@ from data_io.columns import Header, Name, coefficient_column, find_column, role_
 from data_io.contents import Contents, Part
 from data_io.layout import Head, is_row, line_at
 from data_io.source import Request, Source
-from data_io.table import Table, read_below, read_tables
+from data_io.table import read_below, read_tables
 from data_io.text import BLANKS, DELIMITERS, as_utf8, is_clock_time, looks_like_text, split
 from data_io.values import Finding, Step
 from data_io.write import CSV_MARK, FORMAT_VERSION, read_account
@@ -92,7 +92,21 @@ def read_rtec(source: Source, request: Request) -> Contents:
     `derived_columns`).
     """
     tables, footer = read_tables(source, request, keep=(_STEP, "RecipeStep"))
-    parts = [part for table in tables for part in _steps(table)]
+    parts = []
+    for table in tables:
+        header = table.header
+        time = header.roles.get("time")
+        if time is not None and not header.names[time].unit:
+            header = with_unit(header, time, "s")  # Timestamp counts seconds; the export does not say so
+        index = find_column(header.names, _STEP)
+        label = table.columns.get(-1 if index is None else index)
+        if label is None or not table.rows:
+            parts.append(Part(1, 1, header, table.columns))
+            continue
+        edges = [0, *(np.flatnonzero(label[1:] != label[:-1]) + 1).tolist(), table.rows]
+        for a, b in pairwise(edges):
+            columns = {i: column[a:b] for i, column in table.columns.items()}
+            parts.append(Part(1, 1, header, columns, {_STEP: f"{label[a]:g}"}))
     above = [line for line in tables[0].preamble if line]
     metadata = {"recipe": " | ".join(above)} if above else {}
     if footer:
@@ -102,22 +116,6 @@ def read_rtec(source: Source, request: Request) -> Contents:
         text = f"the column Step holds steps of fewer than {_FEWEST} rows; are rows out of order?"
         findings.append(Finding("short_steps", "warning", text))
     return Contents([replace(part, number=i) for i, part in enumerate(parts, start=1)], metadata, findings)
-
-
-def _steps(table: Table) -> list[Part]:
-    header = table.header
-    time = header.roles.get("time")
-    if time is not None and not header.names[time].unit:
-        header = with_unit(header, time, "s")  # Timestamp counts seconds; the export does not say so
-    index = find_column(header.names, _STEP)
-    label = table.columns.get(-1 if index is None else index)
-    if label is None or not table.rows:
-        return [Part(1, 1, header, table.columns)]
-    edges = [0, *(np.flatnonzero(label[1:] != label[:-1]) + 1).tolist(), table.rows]
-    return [
-        Part(1, 1, header, {i: column[a:b] for i, column in table.columns.items()}, {_STEP: f"{label[a]:g}"})
-        for a, b in pairwise(edges)
-    ]
 
 
 # Lines that a terminal has stamped with the time of their arrival: `14:03:22.117 -> 0.532,1.98`.
@@ -150,23 +148,19 @@ def read_stamped(source: Source, request: Request) -> Contents:
     rests = (parted[1] for _, parted in lines if parted is not None)
     delimiter = next((d for rest in rests for d in DELIMITERS if len(f := split(rest, d)) > 1 and is_row(f)), ",")
     mark = " " if delimiter == BLANKS else delimiter
-    text = "\n".join(line if parted is None else _joined(*parted, mark) for line, parted in lines)
-    return read_delimited(source.of_text(text), request)
+    text = []
+    for line, parted in lines:  # the stamp is the first field, which below words is called Time
+        stamp, rest = parted or ("", "")
+        stamp = stamp.replace(",", ".").replace(" ", "T") if mark in ", " else stamp
+        numbers = any(is_row(split(rest, other)) for other in DELIMITERS)
+        text.append(line if parted is None else f"{stamp if numbers else 'Time'}{mark}{rest}" if rest else "")
+    return read_delimited(source.of_text("\n".join(text)), request)
 
 
 def _parted(line: str) -> tuple[str, str] | None:
     """Split a line into its stamp and the rest; None where it has no stamp."""
     match = _LINE.match(line)
     return (match[2], match[3].strip()) if match is not None and is_clock_time(match[2]) else None
-
-
-def _joined(stamp: str, rest: str, mark: str) -> str:
-    """Return a line with the stamp as its first field, which below words is called Time; "" where nothing follows."""
-    if not rest:
-        return ""
-    stamp = stamp.replace(",", ".").replace(" ", "T") if mark in ", " else stamp
-    numbers = any(is_row(split(rest, delimiter)) for delimiter in DELIMITERS)
-    return f"{stamp if numbers else 'Time'}{mark}{rest}"
 
 
 # The own CSV of the project, as `write.write_csv` makes it: everything a record holds, bit for bit.

@@ -365,7 +365,13 @@ def read(source: Source, request: Request) -> Contents:
             tables = _of_layout(source, request, file, runs)
         else:
             tables = _tests(source, request, file)
-        run = _the_run(source, request, tables)
+        run = request.run
+        if run is None:  # and where it is open which, nothing need be read
+            numbers = {part.run for part, _ in tables if request.step in (None, part.number)}
+            if not numbers:
+                held = ", ".join(str(step) for step in sorted({part.number for part, _ in tables})[:_SHOWN])
+                raise source.error(f"step {request.step} was asked for; steps in the log: {held}; choose one of them")
+            run = numbers.pop() if len(numbers) == 1 else None
         account, speed = Account({}), None
         if layout:
             of_run = dict(runs).get(run or 0)  # of an archive every run has an account of its own
@@ -411,11 +417,15 @@ def _tests(source: Source, request: Request, file: h5py.File) -> list[_Table]:
     """Return every group that holds what a log needs, each a run of one step."""
     tables: list[_Table] = []
     for group in _all_groups(file):
-        members = [(link, item) for link, item in _children(group) if _is_dataset(item)]
-        members = [column for link, item in members for column in _columns_of(link, item, request)]
-        named = [_named_column(column) for column in members]
-        header = match_header([name for name, _ in named], request.columns)
-        units = zip(header.names, named, strict=True)
+        members: list[tuple[str, h5py.Dataset]] = []
+        for link, item in ((link, item) for link, item in _children(group) if _is_dataset(item)):
+            named = bool(item.dtype.names) or any(key in item.attrs for key in _NAMES)
+            named = named or any(name.startswith(f"{link}:") for name in request.columns.values())
+            within = () if _is_column(item) or not named else _columns_within(item)
+            members += [(link, item)] if _is_column(item) else [(column.label, column) for column in within]
+        told = [_named_column(column) for column in members]
+        header = match_header([name for name, _ in told], request.columns)
+        units = zip(header.names, told, strict=True)
         header = replace(header, names=tuple(n if unit is None else replace(n, unit=unit) for n, (_, unit) in units))
         needed = {"time"} if request.rate is None else set()
         needed |= {"friction_force"} if coefficient_column(header) is None else set()
@@ -450,26 +460,6 @@ def _named_column(column: tuple[str, h5py.Dataset]) -> tuple[str, str | None]:
     """Return the name of a column, by its attribute or its link, and its unit."""
     link, item = column
     return _text(item.attrs.get("name")) or link, _unit(item)
-
-
-def _columns_of(link: str, item: h5py.Dataset, request: Request) -> list[tuple[str, h5py.Dataset]]:
-    """Return name and dataset of what is a column, or the columns within: where they have names or were asked for."""
-    if _is_column(item):
-        return [(link, item)]
-    named = bool(item.dtype.names) or any(key in item.attrs for key in _NAMES)
-    wanted = named or any(name.startswith(f"{link}:") for name in request.columns.values())
-    return [(column.label, column) for column in _columns_within(item)] if wanted else []
-
-
-def _the_run(source: Source, request: Request, tables: Sequence[_Table]) -> int | None:
-    """Return the run that will be read; None where it is open which, and nothing need be read."""
-    if request.run is not None:
-        return request.run
-    runs = {part.run for part, _ in tables if request.step in (None, part.number)}
-    if not runs:
-        held = ", ".join(str(step) for step in sorted({part.number for part, _ in tables})[:_SHOWN])
-        raise source.error(f"step {request.step} was asked for; steps in the log: {held}; choose one of them")
-    return runs.pop() if len(runs) == 1 else None
 
 
 def _columns(

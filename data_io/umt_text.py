@@ -23,6 +23,7 @@ _SIGN = re.compile(
 _CETR = re.compile(rb"Created by CETR", re.IGNORECASE)
 _BRUKER = re.compile(rb"bruker|tribolab", re.IGNORECASE)
 _ITEM = re.compile(r"(.+?)\s*(?:=|:(?=\s|$)|\s-(?=\s))\s*(.*)")
+_FOLDER = re.compile(r"[A-Za-z]:\\")
 _LONGEST_ITEM: Final = 1000
 _MOST_ITEMS: Final = 300  # lines above a table that are kept; a step has some ten
 _ODD: Final = bytes(code for code in range(32) if code not in b"\t\n\r")
@@ -80,7 +81,9 @@ def read_steps(source: Source, request: Request) -> Contents:
                 number, parameters, named = int(new_step[1]), {}, True
                 target = parameters
             elif len(target) < _MOST_ITEMS:
-                key, value = _item(line)
+                line = " ".join("".join(c for c in line[:_LONGEST_ITEM] if c.isprintable()).split())
+                match = _PHRASE.fullmatch(line) or (None if _FOLDER.match(line) else _ITEM.fullmatch(line))
+                key, value = (match[1].strip(), match[2].strip()) if match else ("note", line)
                 target[free_name(key, target)] = value
         steps.append((run, number, parameters, table.columns))
         findings += [replace(remark, message=f"step {number}: {remark.message}") for remark in table.remarks]
@@ -107,9 +110,3 @@ def read_steps(source: Source, request: Request) -> Contents:
             about = {**part.parameters, "Step No.": str(part.number)}
             parts[i] = replace(part, number=counts[part.run], parameters=about)
     return Contents(parts, items, findings)
-
-
-def _item(line: str) -> tuple[str, str]:
-    line = " ".join("".join(letter for letter in line[:_LONGEST_ITEM] if letter.isprintable()).split())
-    match = _PHRASE.fullmatch(line) or (None if re.match(r"[A-Za-z]:\\", line) else _ITEM.fullmatch(line))
-    return (match[1].strip(), match[2].strip()) if match else ("note", line)
