@@ -167,39 +167,31 @@ def _without_needless(
 def _without_marks(part: Part) -> tuple[Part, list[Finding]]:
     """Return the part without the rows in which a force is a mark for no value, and what to say of it."""
     notes, rows = [], np.zeros(part.rows, dtype=bool)
-    for role in COLUMN_ROLES[1:3]:
-        index = part.header.roles.get(role, -1)
+    for index in (part.header.roles.get(role, -1) for role in COLUMN_ROLES[1:3]):
         values = part.columns.get(index)
-        if values is None or values.size < _FEWEST or (mark := _mark_of(values)) is None:
+        if values is None or values.size < _FEWEST:
             continue
-        marked = values == mark
-        rows |= marked
-        text = (
-            f"{np.count_nonzero(marked)} row(s) of {shown([part.header.names[index].raw])} hold {mark:g}, far from all "
-            "others and again and again: a mark for no value; they were left out"
-        )
-        notes.append(Finding("no_value_mark", "warning", text))
-    if not notes:
-        return part, notes
-    return replace(part, columns={index: values[~rows] for index, values in part.columns.items()}), notes
-
-
-def _mark_of(values: FloatArray) -> float | None:
-    """Return the mark for no value in a column (n,), None where it has none."""
-    ends = np.array([values.max(), values.min()])
-    if not np.isfinite(ends).all() and np.isfinite(values).any():
-        ends = np.array([np.nanmax(values), np.nanmin(values)])
-    for mark in map(float, ends[np.isfinite(ends)]):
-        digits = f"{abs(mark):.10g}".replace(".", "").strip("0")
-        if not (abs(mark) in _NO_VALUE or (len(digits) > 2 and set(digits) == {"9"})):
-            continue
-        others = values[np.isfinite(values) & (values != mark)]
-        if others.size < values.size // 2 or np.count_nonzero(values == mark) < 2:
-            continue
-        low, high = float(np.min(others)), float(np.max(others))
-        if max(mark - high, low - mark) > _MARK_FAR * (high - low):
-            return mark
-    return None
+        ends = np.array([values.max(), values.min()])
+        if not np.isfinite(ends).all() and np.isfinite(values).any():
+            ends = np.array([np.nanmax(values), np.nanmin(values)])
+        for mark in map(float, ends[np.isfinite(ends)]):
+            digits = f"{abs(mark):.10g}".replace(".", "").strip("0")
+            if not (abs(mark) in _NO_VALUE or (len(digits) > 2 and set(digits) == {"9"})):
+                continue
+            marked = values == mark
+            others = values[np.isfinite(values) & ~marked]
+            if others.size < values.size // 2 or np.count_nonzero(marked) < 2:
+                continue
+            low, high = float(np.min(others)), float(np.max(others))
+            if max(mark - high, low - mark) > _MARK_FAR * (high - low):
+                rows |= marked
+                text = (
+                    f"{np.count_nonzero(marked)} row(s) of {shown([part.header.names[index].raw])} hold {mark:g}, far "
+                    "from all others and again and again: a mark for no value; they were left out"
+                )
+                notes.append(Finding("no_value_mark", "warning", text))
+                break
+    return (replace(part, columns={i: values[~rows] for i, values in part.columns.items()}) if notes else part), notes
 
 
 # A role that a column got by its name alone, while another column does the job: asked, with both named.
@@ -270,13 +262,14 @@ def _refuse_doubtful_roles(source: Source, request: Request, part: Part) -> None
 
 
 def _check_roles(source: Source, request: Request, part: Part, label: str) -> None:
-    """Name a missing column, or all missing units at once."""
+    """Name a column whose unit is none of its role, or all missing columns and units at once."""
+    header = part.header
     needed = [role for role in COLUMN_ROLES[:3] if role != "normal_force" or request.normal_force is None]
-    needed += ["drive_speed"] if "drive_speed" in part.header.roles else []
+    needed += ["drive_speed"] if "drive_speed" in header.roles else []
     for role in needed:
-        if role not in part.header.roles or not (unit := _unit(request, part, role)):
+        if role not in header.roles or not (unit := _unit(request, part, role)):
             continue
-        name = part.header.names[part.header.roles[role]]
+        name = header.names[header.roles[role]]
         try:
             column_factor(unit, SI_UNIT[KIND[role]], name.unit)
         except UnitError as error:
@@ -284,32 +277,26 @@ def _check_roles(source: Source, request: Request, part: Part, label: str) -> No
             option = scale if unit in _VOLTS else f"--units {role}=..."
             text = f"column {shown([name.raw])} ({words(role)}): {error}; or give it with {option}"
             raise source.error(text) from error
-    missing = [role for role in needed if role not in part.header.roles]
+    missing = [role for role in needed if role not in header.roles]
     bare = [role for role in needed if role not in missing and not _unit(request, part, role)]
     if missing:
-        raise source.error(_missing(missing, bare, part, label))
+        free = [name for i, name in enumerate(header.names) if i not in header.roles.values()]
+        unitless = [*bare, *(missing if all(name.unit is None for name in free) else ())]
+        units = f" and the units that the header lacks, as in {_si_units(unitless)}" if unitless else ""
+        load = ', or give a constant load with --normal-force "3 N"' if "normal_force" in missing else ""
+        rate = ', or the sampling rate with --rate "100 Hz"' if "time" in missing else ""
+        raise source.error(
+            f"no {' column and no '.join(words(role) for role in missing)} column was found among "
+            f"{shown(name.name for name in header.names)}{' in ' if label else ''}{label}; a name such as "
+            f"{', '.join(EXAMPLES.get(role, role) for role in missing)} was expected; say which one it is with "
+            f"--columns {','.join(f'{role}=<name>' for role in missing)}{units}{load}{rate}"
+            + (", or choose another step with --step" if label else "")
+        )
     if bare:
-        which = ", ".join(f"{shown([part.header.names[part.header.roles[role]].raw])} ({words(role)})" for role in bare)
+        which = ", ".join(f"{shown([header.names[header.roles[role]].raw])} ({words(role)})" for role in bare)
         raise source.error(
             f"no unit was found for column {which}; a unit in the header was expected; give it, as in {_si_units(bare)}"
         )
-
-
-def _missing(missing: Sequence[str], bare: Sequence[str], part: Part, label: str) -> str:
-    """Ask for all that is missing at once: columns, and the units that these and others will lack."""
-    taken = set(part.header.roles.values())
-    free = [name for i, name in enumerate(part.header.names) if i not in taken]
-    unitless = [*bare, *(missing if all(name.unit is None for name in free) else ())]
-    text = (
-        f"no {' column and no '.join(words(role) for role in missing)} column was found among "
-        f"{shown(name.name for name in part.header.names)}{' in ' if label else ''}{label}; a name such as "
-        f"{', '.join(EXAMPLES.get(role, role) for role in missing)} was expected; say which one it is with --columns "
-        + ",".join(f"{role}=<name>" for role in missing)
-    )
-    text += f" and the units that the header lacks, as in {_si_units(unitless)}" if unitless else ""
-    text += ', or give a constant load with --normal-force "3 N"' if "normal_force" in missing else ""
-    text += ', or the sampling rate with --rate "100 Hz"' if "time" in missing else ""
-    return text + (", or choose another step with --step" if label else "")
 
 
 def _si_units(roles: Sequence[str]) -> str:
@@ -389,27 +376,23 @@ def _one(pieces: Sequence[FloatArray]) -> FloatArray:
 
 
 def _account(source: Source, request: Request, part: Part, contents: Contents, start: float) -> dict[str, Scalar]:
-    about: dict[str, Scalar] = {f"{role}_source": _origin(request, part, role) for role in COLUMN_ROLES[:3]}
-    about |= {**contents.metadata, **part.run_items}
+    """Say where a record came from: each role, the file, the zero of its clock."""
+    about: dict[str, Scalar] = {}
+    for role in COLUMN_ROLES[:3]:
+        if role == "normal_force" and request.normal_force is not None:
+            about[f"{role}_source"] = f"constant {request.normal_force:g} N, given by the user"
+            continue
+        name = part.header.names[part.header.roles[role]]
+        given = any(request.units.get(key) for key in (role, name.name, name.raw))
+        text = f"column {name.name} in {_unit(request, part, role)}{', given by the user' if given else ''}"
+        about[f"{role}_source"] = text
     path, size = source.path, source.size  # and nothing else of the source is kept
-    about |= {
-        "path": str(path),
-        "sha256": cast(str, partial(sha256_unchanged, path, size)),
-        "format": contents.form,
-    }
+    digest = cast(str, partial(sha256_unchanged, path, size))
+    about |= {**contents.metadata, **part.run_items, "path": str(path), "sha256": digest, "format": contents.form}
     about.pop(WINDOW_START, None)  # of the log that the file was made from
     if start != 0:
         about["file_time_start"] = start + float(contents.metadata.get("file_time_start", 0.0))
     return about
-
-
-def _origin(request: Request, part: Part, role: str) -> str:
-    """Say in words where a role was taken from."""
-    if role == "normal_force" and request.normal_force is not None:
-        return f"constant {request.normal_force:g} N, given by the user"
-    name, unit = part.header.names[part.header.roles[role]], _unit(request, part, role)
-    given = any(request.units.get(key) for key in (role, name.name, name.raw))
-    return f"column {name.name} in {unit}" + (", given by the user" if given else "")
 
 
 def _pressed_negative(run: Sequence[Part]) -> bool:

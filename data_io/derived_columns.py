@@ -97,18 +97,12 @@ class StatedVelocity:
     """The `Velocity` that the head of a CETR or Bruker step states without a unit.
 
     value: as it stands there. module: the drive module where the log tells it, whose unit is mm/min (linear) or rpm
-    (rotary). radius [m]: of the track, None where the head states none. speeds [m/s]: by module, what it would mean.
+    (rotary). speeds [m/s]: by module, what it would mean.
     """
 
     value: float
     module: Module | None
-    radius: float | None
     speeds: Mapping[Module, float]
-
-    @property
-    def unit(self) -> str | None:
-        """Unit of the value, None where the module is not told."""
-        return None if self.module is None else {"linear": "mm/min", "rotary": "rpm"}[self.module]
 
 
 def stated_velocity(
@@ -130,7 +124,7 @@ def stated_velocity(
     speeds: dict[Module, float] = {"linear": abs(value) * 1e-3 / 60.0}
     if radius:
         speeds["rotary"] = 2.0 * np.pi / 60.0 * abs(value) * abs(radius) * 1e-3
-    return StatedVelocity(value, module, abs(radius) * 1e-3 if radius else None, speeds)
+    return StatedVelocity(value, module, speeds)
 
 
 def _number(text: object) -> float:

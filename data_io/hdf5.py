@@ -31,7 +31,7 @@ from data_io.columns import Header, Name, coefficient_column, match_header, role
 from data_io.contents import Contents, Part
 from data_io.source import LEAST_SUSPECT, Request, Source
 from data_io.units import to_si
-from data_io.values import COLUMN_ROLES, FloatArray, LogError, LogTooLargeError, UnitError
+from data_io.values import COLUMN_ROLES, FloatArray, LogError, UnitError
 from data_io.write import ABOUT, FORMAT, FORMAT_VERSION, Account, read_account
 
 if TYPE_CHECKING:
@@ -55,8 +55,6 @@ _SMALL: Final = 1 << 20  # bytes of a dataset that is read on the walk
 _LONGEST_CHAIN: Final = 16
 _HELD: Final = ("unable to lock file", "already open for write")
 """What the library says of a file that is sound, but not free."""
-_SHARE: Final = 0.5
-"""Of the free memory, that the columns of one log may take: whoever looks at them needs as much again."""
 _MOST_PACKED: Final = 1100  # times that deflation can pack bytes that are all alike
 _MOST_UNWRITTEN: Final = 10  # times the bytes that were written: a logger asks for room, and may stop before it is used
 
@@ -227,20 +225,6 @@ def _children(group: h5py.Group) -> Iterator[tuple[str, h5py.HLObject]]:
             yield name, group[name]
 
 
-# How much memory a log may take, asked before it is read.
-
-
-def check_memory(source: Source, rows: int, columns: int) -> None:
-    """Refuse so many float64 numbers where they do not fit into memory. Raises `LogTooLargeError`."""
-    wanted, free = 8 * rows * columns, free_memory()
-    if free is not None and wanted > _SHARE * free:
-        raise LogTooLargeError(
-            f"{source.path}: the columns asked for take {wanted / 1e9:.3g} GB where {free / 1e9:.3g} GB of memory are "
-            "free; read one step with --step or fewer columns with --channels none, or write a part of its rows to a "
-            "file of its own"
-        )
-
-
 def check_promise(source: Source, name: str, promised: int, stored: int, packed: bool) -> None:
     """Refuse a column that promises so many bytes and holds next to none: no memory is taken for them.
 
@@ -251,25 +235,6 @@ def check_promise(source: Source, name: str, promised: int, stored: int, packed:
             f"the dataset {name!r} promises {promised / 1e6:.4g} MB and holds {stored / 1e6:.3g} MB; was it never "
             "written to its end? Copy or export it again"
         )
-
-
-def free_memory() -> int | None:
-    """Return the bytes that this process may still take, by the system and by its own limit (ulimit -v); None where
-    nothing tells."""
-    free: list[int] = []
-    with contextlib.suppress(OSError, ValueError, IndexError):
-        available = re.search(r"MemAvailable:\s*(\d+)", Path("/proc/meminfo").read_text(encoding="ascii"))
-        free += [1024 * int(available[1])] if available else []
-    if sys.platform != "win32":
-        import resource
-
-        limit = resource.getrlimit(resource.RLIMIT_AS)[0]
-        if limit != resource.RLIM_INFINITY:
-            with contextlib.suppress(OSError, ValueError, IndexError):
-                pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
-                limit = max(limit - pages * resource.getpagesize(), 0)
-            free.append(limit)
-    return min(free, default=None)
 
 
 # Columns that lie within one dataset: of a matrix by number (`/data:1`), of a compound by name (`/table:Fx`).
@@ -490,7 +455,6 @@ def _columns(
         raise source.error(f"the datasets differ in length ({sizes:.200}); equal lengths were expected; export again")
     if not header.names:
         return {}
-    check_memory(source, datasets[0].size, len(wanted))
     columns = {}
     for count, index in enumerate(wanted, start=1):  # without a selection the library is a third faster
         columns[index] = np.asarray(datasets[index][()], dtype=np.float64).reshape(-1)

@@ -206,11 +206,6 @@ def read_tdms(source: Source, request: Request) -> Contents:
                 about = {str(key): str(value) for key, value in file.properties.items()}
         finally:
             log_manager.console_handler.setStream(console)
-    except MemoryError as error:
-        raise source.error(
-            "the channels of the TDMS file do not fit into memory; fewer were expected; export the ones that are "
-            "needed, or a part of the time, from LabVIEW"
-        ) from error
     except _OF_DAMAGE as error:
         reason = " ".join(str(error).split())
         raise source.error(f"the TDMS file is damaged ({reason:.100}); copy it again") from error

@@ -20,7 +20,7 @@ from data_io.record import Record, within
 from data_io.source import Request, Source, load, no_progress, sha256_of_several, sha256_unchanged
 from data_io.text import looks_like_text
 from data_io.units import parse_quantity
-from data_io.values import COLUMN_ROLES, LogError, UnitError
+from data_io.values import COLUMN_ROLES, LogError, LogTooLargeError, UnitError
 
 
 @dataclass(frozen=True)
@@ -95,8 +95,7 @@ def read_log(
     normal_force: a constant load [N] or "3 N", instead of a column. channels: names of the other columns to keep; None
     keeps all. rate: the sampling rate [Hz] or "4 Hz" of a log whose rows follow each other evenly: it makes the clock,
     whatever the file has for one. window: the (start, stop) [s] to keep, counted from the first row of what is read
-    (the step, or the run) as in a scene, whatever the clock of the file shows there; of an HDF5 file nothing else is
-    read.
+    (the step, or the run) as in a scene, whatever the clock of the file shows there.
     exclude: stretches [s] that nobody uses, counted likewise: what holds no force there is left out, the rest stays.
     progress: called with the share read so far. Raises `LogError`, one sentence that says what was
     found, what was expected and what to do.
@@ -125,20 +124,30 @@ def read_log(
         window=window,
         exclude=tuple((float(start), float(stop)) for start, stop in exclude),
     )
+    try:
+        return _read(path, request)
+    except MemoryError as error:
+        raise LogTooLargeError(
+            f"{path}: the columns asked for do not fit into memory; read one step with --step or fewer columns with "
+            "--channels none, or write a part of its rows to a file of its own"
+        ) from error
+
+
+def _read(path: Path, request: Request) -> Record:
+    """Read one log, or the files of a folder or pattern as one."""
     if not is_series(path):
         source = load(path)
         try:
-            return within(assemble(source, request, contents_of(source, request)), window)
+            return within(assemble(source, request, contents_of(source, request)), request.window)
         except LogError:
             _refuse_by_name(source)
             raise
-    paths = logs_at(path)
-    read = []
+    paths, read = logs_at(path), []
     for i, p in enumerate(paths):
-        share = partial(lambda i, part: progress((i + part) / len(paths)), i)
+        share = partial(lambda i, part: request.progress((i + part) / len(paths)), i)
         own = replace(request, step=None, run=None, window=None, exclude=(), progress=share)
         read.append((p, contents_of(load(p), own)))
-    record = within(assemble(load(paths[0]), request, joined_contents(path, read)), window)
+    record = within(assemble(load(paths[0]), request, joined_contents(path, read)), request.window)
     about = {"path": str(path), "sha256": sha256_of_several(sha256_unchanged(p, load(p).size) for p in paths)}
     return replace(record, metadata={**record.metadata, **about})
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from data_io.columns import Name, match_names, parse_name
 from data_io.contents import Contents, Part
-from data_io.hdf5 import check_memory, check_promise
+from data_io.hdf5 import check_promise
 from data_io.source import Request, Source
 from data_io.table import wanted_columns
 from data_io.values import FloatArray
@@ -49,7 +49,6 @@ def read(source: Source, request: Request) -> Contents:
             kept = [i for i in range(len(fields)) if wanted is None or i in wanted]
             rows = file.metadata.num_rows
             check_promise(source, "table", 8 * rows * len(kept), source.size, packed=True)
-            check_memory(source, rows, len(kept))
             table = file.read(columns=[fields[i].name for i in kept])
             columns = {i: _numbers(table.column(fields[i].name)) for i in kept}
     except (pyarrow.ArrowException, OSError, ValueError, TypeError, LookupError, OverflowError) as error:

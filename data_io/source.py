@@ -75,26 +75,22 @@ def split_member(path: Path) -> tuple[Path, str | None]:
     return path, None
 
 
-def _chosen_member(path: Path, member: str | None) -> str | None:
-    """Return the file of a zip archive that is the log, None for a workbook, which is a zip, too. Raises `LogError`."""
-    names = members(path)
-    if any(name in _EXCEL for name in names):
-        return None
-    if member is None and len(names) == 1:
-        return names[0]
-    listed = ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")
-    if member is None:
-        content = f"the archive holds {len(names)} files ({listed})" if names else "the archive holds no file"
-        raise LogError(f"{path}: {content}; one log was expected; name one, as in {path.name}/<file>, or unpack it")
-    if member not in names:
-        raise LogError(f"{path}: no {member!r} was found in the archive; it holds {listed}; name one of them")
-    return member
-
-
 def _unpacked(path: Path, head: bytes, member: str | None) -> bytes | None:
     """Return the bytes of a packed log, None where it is not packed. Raises `LogError` for a damaged file or a trap."""
-    member = _chosen_member(path, member) if head.startswith(_ZIP) and zipfile.is_zipfile(path) else None
-    if member is None and not head.startswith(_GZIP):
+    if head.startswith(_ZIP) and zipfile.is_zipfile(path):
+        names = members(path)
+        if any(name in _EXCEL for name in names):  # a workbook is a zip, too
+            return None
+        listed = ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")
+        if member is None and len(names) != 1:
+            content = f"the archive holds {len(names)} files ({listed})" if names else "the archive holds no file"
+            raise LogError(f"{path}: {content}; one log was expected; name one, as in {path.name}/<file>, or unpack it")
+        member = names[0] if member is None else member
+        if member not in names:
+            raise LogError(f"{path}: no {member!r} was found in the archive; it holds {listed}; name one of them")
+    elif head.startswith(_GZIP):
+        member = None
+    else:
         return None
     try:
         with contextlib.ExitStack() as stack:
