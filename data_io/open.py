@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from data_io import delimited, excel, hdf5, labview, matlab, parquet, umt_text
+from data_io import delimited, excel, hdf5, labview, matlab, parquet
 from data_io.assemble import assemble
 from data_io.clock import on_one_clock, with_clock_of_rate, with_sound_clocks
 from data_io.contents import Contents, is_series, joined_contents, logs_at
@@ -43,8 +43,8 @@ READERS: Final = (
     Reader("tdms", labview.is_tdms, labview.read_tdms),
     Reader("stickslip-csv", delimited.is_ours, delimited.read_ours),
     Reader("labview-lvm", labview.is_lvm, labview.read_lvm),
-    Reader("bruker-csv", umt_text.is_bruker, umt_text.read_steps),
-    Reader("cetr-text", umt_text.is_cetr, umt_text.read_steps),
+    Reader("bruker-csv", delimited.is_bruker, delimited.read_steps),
+    Reader("cetr-text", delimited.is_cetr, delimited.read_steps),
     Reader("rtec-csv", delimited.is_rtec, delimited.read_rtec),
     Reader("ni-channels", labview.is_ni_channels, labview.read_ni_channels),
     Reader("stamped-lines", delimited.is_stamped, delimited.read_stamped),

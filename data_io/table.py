@@ -19,8 +19,21 @@ from data_io.columns import (
     shown,
     with_unit,
 )
-from data_io.layout import COMMENT, DIGIT, LOOKED_AT, Head, head_at, is_row, line_at, lines_from, numbered_head
-from data_io.rows import Above, Numbers, read_block, read_numbers
+from data_io.layout import (
+    COMMENT,
+    DIGIT,
+    LOOKED_AT,
+    Above,
+    Head,
+    Numbers,
+    head_at,
+    is_row,
+    line_at,
+    lines_from,
+    numbered_head,
+    read_block,
+    read_numbers,
+)
 from data_io.source import Request, Source
 from data_io.text import DELIMITERS, TEXT_LINE, Text, as_utf8, is_number_like, is_plain, is_words, over_midnight, split
 from data_io.values import Finding, FloatArray
