@@ -30,7 +30,7 @@ import numpy as np
 from data_io.columns import Header, Name, coefficient_column, match_header, role_indices, words
 from data_io.contents import Contents, Part
 from data_io.source import LEAST_SUSPECT, Request, Source
-from data_io.units import to_si
+from data_io.units import factor, scaled
 from data_io.values import COLUMN_ROLES, FloatArray, LogError, UnitError
 from data_io.write import ABOUT, FORMAT, FORMAT_VERSION, Account, read_account
 
@@ -345,7 +345,7 @@ def read(source: Source, request: Request) -> Contents:
             if "drive_speed" in place.attrs:
                 try:
                     value, unit = float(place.attrs["drive_speed"]), _text(place.attrs.get("drive_speed_units"))
-                    speed = to_si(value, unit, "speed")
+                    speed = scaled(value, factor(unit, "m/s"))
                 except (UnitError, ValueError, TypeError) as error:
                     text = f"the attribute drive_speed: {error}; correct it and drive_speed_units"
                     raise source.error(text) from error

@@ -19,6 +19,7 @@ from data_io.values import LONGEST_GAP, Finding, FloatArray, Frozen, LogError, S
 
 Rows = npt.NDArray[np.bool_]
 Verdict = Literal["accept", "accept with warnings", "reject"]
+Figures = dict[str, tuple[float | None, str]]
 
 # The thresholds: one visible table, each number documented and open to override.
 
@@ -179,18 +180,6 @@ UNLOADED: Final = 0.1
 _LOADED: Final = 0.3  # share of it above which a row is loaded: a load that ripples is so in its troughs as well
 
 
-@dataclass(frozen=True)
-class Load:
-    """level, mean [N]: median and mean of the loaded rows. drift, ripple: change from the first to the last tenth, and
-    standard deviation about a straight line, both as share of the level. unloaded: share of the rows."""
-
-    level: float
-    mean: float
-    drift: float
-    ripple: float
-    unloaded: float
-
-
 def typical_load(normal: FloatArray) -> float:
     """Return the median normal force of the loaded rows [N], 0 where nothing presses; (n,) may hold NaN."""
     # In this order: every so many-th row may be the one without a load.
@@ -219,33 +208,31 @@ def mean_and_drift(normal: FloatArray) -> tuple[float, float]:
     return float(np.mean(force)), float(np.median(few[-tenth:]) - np.median(few[:tenth])) / level
 
 
-def _look_at_load(record: Record, used: Rows, limits: Thresholds) -> tuple[Load, list[Finding]]:
-    """Measure the normal force of the rows that count."""
+def _look_at_load(record: Record, used: Rows, limits: Thresholds) -> tuple[float, Figures, list[Finding]]:
+    """Return the level of the normal force of the rows that count [N], its figures and what is to say of them."""
     normal = kept(record.normal_force, used)
-    level, (mean, drift) = typical_load(normal), mean_and_drift(normal)
+    level, (mean, drift), ripple, unloaded = typical_load(normal), mean_and_drift(normal), 0.0, 1.0
+    notes, size = list[Finding](), f"{level:.3g} N"
     if level <= 0:
         text = "the normal force is zero or pulls; a pressing load was expected; check its column, unit and zero point"
-        return Load(level, mean, 0.0, 0.0, 1.0), [Finding("no_load", "reject", text)]
-    few = thinned(normal)
-    loaded = few > _LOADED * level
-    ripple = 0.0
-    if np.count_nonzero(loaded) > 2:
-        time = thinned(kept(record.time, used))[loaded]
-        line = np.polyval(np.polyfit(time - time[0], few[loaded], 1), time - time[0])
-        ripple = float(np.std(few[loaded] - line)) / level
-    load = Load(level, mean, drift, ripple, np.count_nonzero(normal < UNLOADED * level) / normal.size)
-    notes, size = list[Finding](), f"{level:.3g} N"
-    if np.ptp(normal) > 0:  # rows without a load lie at the lowest value of a sound sensor
-        notes += _clipping("normal force", normal[normal >= UNLOADED * level], limits)[1]
-    elif not str(record.metadata.get("normal_force_source", "")).startswith("constant"):
-        text = f"the normal force is exactly {level:g} N in every row; it was set, not measured"
-        notes.append(Finding("normal_force_not_measured", "info", text))
-    if load.unloaded:
-        text = (
-            f"{100 * load.unloaded:.1f} % of the rows press with less than a tenth of the load ({size}); leave them "
-            "out with window or choose the loaded step"
-        )
-        notes.append(Finding("unloaded_rows", "warning", text))
+        notes.append(Finding("no_load", "reject", text))
+    else:
+        few, time = thinned(normal), thinned(kept(record.time, used))
+        loaded, unloaded = few > _LOADED * level, np.count_nonzero(normal < UNLOADED * level) / normal.size
+        if np.count_nonzero(loaded) > 2:
+            line = np.polynomial.Polynomial.fit(time[loaded], few[loaded], 1)
+            ripple = float(np.std(few[loaded] - line(time[loaded]))) / level
+        if np.ptp(normal) > 0:  # rows without a load lie at the lowest value of a sound sensor
+            notes += _clipping("normal force", normal[normal >= UNLOADED * level], limits)[1]
+        elif not str(record.metadata.get("normal_force_source", "")).startswith("constant"):
+            text = f"the normal force is exactly {level:g} N in every row; it was set, not measured"
+            notes.append(Finding("normal_force_not_measured", "info", text))
+        if unloaded:
+            text = (
+                f"{100 * unloaded:.1f} % of the rows press with less than a tenth of the load ({size}); leave them out "
+                "with window or choose the loaded step"
+            )
+            notes.append(Finding("unloaded_rows", "warning", text))
     notes += limits.finding(
         "load_drift", "load_drift", abs(drift),
         f"the normal force {'rises' if drift > 0 else 'falls'} by {percent(abs(drift), of=size)} from the first to the "
@@ -256,7 +243,8 @@ def _look_at_load(record: Record, used: Rows, limits: Thresholds) -> tuple[Load,
         f"the normal force ripples by {percent(ripple, of=size)} (standard deviation); check the load control and the "
         "flatness of the track",
     )  # fmt: skip
-    return load, notes
+    figures = {"normal_force": (mean, "N"), "normal_force_drift": (drift, ""), "normal_force_ripple": (ripple, "")}
+    return level, {**figures, "unloaded_rows": (unloaded, "")}, notes
 
 
 # Where a log shows the drive at rest: before it starts and after it has stopped, and what the sensor shows there.
@@ -294,7 +282,7 @@ def _rests(friction: FloatArray, speed: FloatArray | None) -> tuple[int, int]:
 
 
 def _at_rest(
-    record: Record, sound: Rows, load: Load, speed: FloatArray | None, limits: Thresholds
+    record: Record, sound: Rows, load: float, speed: FloatArray | None, limits: Thresholds
 ) -> tuple[float | None, list[Finding]]:
     """Return the residual force [N], None where the log does not show it, and what is to say of it and of a stop."""
     friction = shown(record.friction_force, sound)
@@ -302,7 +290,7 @@ def _at_rest(
     moving = sound.copy()
     moving[:begin] = moving[stop:] = False
     sliding = float(np.median(np.abs(thinned(friction[moving if np.count_nonzero(moving) > 1 else sound]))))
-    unpressed, residual, notes = sound & (record.normal_force < UNLOADED * load.level), None, list[Finding]()
+    unpressed, residual, notes = sound & (record.normal_force < UNLOADED * load), None, list[Finding]()
     if np.count_nonzero(unpressed) >= _FEWEST:
         residual = float(np.median(friction[unpressed]))
         when, remedy = "while nothing presses", f'tare = "{residual:.3g} N"'
@@ -478,18 +466,11 @@ def _intervals(time: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 @dataclass(frozen=True)
 class Quality:
-    """What the gate measured: sampling, load, every number by its name with its unit; and the findings, those of the
-    record first."""
+    """What the gate measured: sampling, every number by its name with its unit; findings, those of the record first."""
 
     sampling: Sampling
-    load: Load
-    figures: Mapping[str, tuple[float | None, str]]
+    figures: Figures
     findings: tuple[Finding, ...]
-
-    @property
-    def verdict(self) -> Verdict:
-        """The worst finding decides."""
-        return verdict_of(self.findings)
 
 
 def verdict_of(findings: Sequence[Finding]) -> Verdict:
@@ -512,8 +493,20 @@ def assess(
     used = np.ones(len(record), dtype=bool) if used is None else used
     sampling, notes = describe_sampling(record, used, thresholds)
     sound = used & np.isfinite(record.friction_force) & np.isfinite(record.normal_force)
-    load, friction = Load(0.0, 0.0, 0.0, 0.0, 0.0), kept(record.friction_force, sound)
-    clipped, resolution, repeated, residual = 0, 0.0, 0.0, None
+    friction = kept(record.friction_force, sound)
+    figures: Figures = {
+        "sampling_rate": (sampling.rate, "Hz"),
+        "jitter": (sampling.jitter, ""),
+        "missing_rows": (sampling.missing, ""),
+        "repeated_rows": (0.0, ""),
+        "resolution": (0.0, "N"),
+        "clipped_rows": (0, ""),
+        "residual_force": (None, "N"),
+        "normal_force": (0.0, "N"),
+        "normal_force_drift": (0.0, ""),
+        "normal_force_ripple": (0.0, ""),
+        "unloaded_rows": (0.0, ""),
+    }
     if friction.size < 2:
         text = "fewer than two rows count; widen window, exclude less, or take a longer log"
         notes.append(Finding("no_rows", "reject", text))
@@ -538,20 +531,9 @@ def assess(
                 "faster than the sensor, or loses it now and then; log at the rate of the sensor, and leave such "
                 "stretches out",
             )  # fmt: skip
-        load, about = _look_at_load(record, sound, thresholds)
+            figures |= {"clipped_rows": (clipped, ""), "resolution": (resolution, "N"), "repeated_rows": (repeated, "")}
+        load, own, about = _look_at_load(record, sound, thresholds)
         residual, at_rest = _at_rest(record, sound, load, speed, thresholds)
+        figures |= {**own, "residual_force": (residual, "N")}
         notes += [*about, *at_rest]
-    figures: dict[str, tuple[float | None, str]] = {
-        "sampling_rate": (sampling.rate, "Hz"),
-        "jitter": (sampling.jitter, ""),
-        "missing_rows": (sampling.missing, ""),
-        "repeated_rows": (repeated, ""),
-        "resolution": (resolution, "N"),
-        "clipped_rows": (clipped, ""),
-        "residual_force": (residual, "N"),
-        "normal_force": (load.mean, "N"),
-        "normal_force_drift": (load.drift, ""),
-        "normal_force_ripple": (load.ripple, ""),
-        "unloaded_rows": (load.unloaded, ""),
-    }
-    return Quality(sampling, load, figures, (*record.findings, *notes))
+    return Quality(sampling, figures, (*record.findings, *notes))

@@ -78,14 +78,6 @@ _OF_USUAL: Final = {unit: (si, size) for si, units in _USUAL.items() for unit, s
 Number = TypeVar("Number", float, FloatArray)
 
 
-def to_si(values: Number, unit: str, kind: str) -> Number:
-    """Convert values (number or array) in `unit` to the SI unit of `kind`, a key of `SI_UNIT`.
-
-    Raises `UnitError` when the unit is unknown or is no unit of that kind.
-    """
-    return scaled(values, factor(unit, SI_UNIT[kind]))
-
-
 def parse_quantity(text: object, unit: str) -> float:
     """Read a quantity such as "0.1 mm/min" as a number in the SI unit `unit` ("m/s", "N", "s/m", "" for none).
 

@@ -125,7 +125,8 @@ def lines(seen: Inspection) -> Iterator[str]:
         if source := record.metadata.get(f"{role}_source"):
             yield f"  {role.replace('_', ' ')}: {source}"
     yield wrapped(f"other columns: {', '.join(record.channels) or 'none'}", "  ")
-    yield f"  normal force: {quantity(quality.load.mean, 'N')}, drift {percent(quality.load.drift, 1, signed=True)}"
+    load, drift = (quality.figures[name][0] or 0.0 for name in ("normal_force", "normal_force_drift"))
+    yield f"  normal force: {quantity(load, 'N')}, drift {percent(drift, 1, signed=True)}"
     driven = [(f"step {s.step.number}: ", s.drive) for s in seen.steps] if several and not seen.drive.speed else []
     texts = [name + text for name, drive in driven or [("", seen.drive)] if (text := _drive(drive, record))]
     hint = "" if seen.drive.trouble == NOT_STATED else f" ({seen.drive.trouble})"
@@ -249,8 +250,8 @@ def document(seen: Inspection) -> dict[str, object]:
         "sampling": asdict(quality.sampling),
         "quality": {
             **to_dict(seen.judgement.result()),
-            "load_N": quality.load.mean,
-            "load_drift": quality.load.drift,
+            "load_N": quality.figures["normal_force"][0],
+            "load_drift": quality.figures["normal_force_drift"][0],
         },
         "steps": [
             {

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from data_io import Record, Step, read_log
-from data_io.quality import assess
+from data_io.quality import assess, verdict_of
 
 MEASURED = Path(__file__).resolve().parents[3] / "shared" / "data" / "paper_on_paper"
 N = 2000
@@ -34,8 +34,10 @@ def resolution(force):
 
 def test_a_clean_record_is_good():
     quality = assess(record())
-    assert quality.verdict == "accept" and not quality.findings
-    assert quality.sampling.rate == pytest.approx(500) and quality.load.mean == pytest.approx(1, rel=1e-3)
+    assert verdict_of(quality.findings) == "accept" and not quality.findings
+    assert quality.sampling.rate == pytest.approx(500) and quality.figures["normal_force"][0] == pytest.approx(
+        1, rel=1e-3
+    )
 
 
 def test_the_rate_of_a_clock_of_whole_milliseconds_is_that_of_its_span():
@@ -73,5 +75,5 @@ def test_measured_records_are_good():
         pytest.skip("the measured paper-on-paper records are not on this machine")
     for path in sorted(MEASURED.glob("*.csv")):
         quality = assess(read_log(path))
-        assert quality.verdict == "accept" and quality.sampling.rate == pytest.approx(2000)
+        assert verdict_of(quality.findings) == "accept" and quality.sampling.rate == pytest.approx(2000)
         assert codes(quality) == {"normal_force_not_measured"}

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from data_io.units import parse_quantity, to_si
+from data_io.units import SI_UNIT, factor, parse_quantity, scaled
 from data_io.values import UnitError
 
 G = 9.80665  # standard gravity, exact by definition
@@ -26,15 +26,15 @@ FACTORS = [
 
 @pytest.mark.parametrize(("unit", "kind", "scale"), FACTORS)
 def test_factors(unit, kind, scale):
-    assert to_si(2.5, unit, kind) == pytest.approx(2.5 * scale, rel=1e-15)
+    assert scaled(2.5, factor(unit, SI_UNIT[kind])) == pytest.approx(2.5 * scale, rel=1e-15)
     np.testing.assert_allclose(
-        to_si(np.array([1.0, -2.0, np.nan]), unit, kind), [scale, -2 * scale, np.nan], rtol=1e-15
+        scaled(np.array([1.0, -2.0, np.nan]), factor(unit, SI_UNIT[kind])), [scale, -2 * scale, np.nan], rtol=1e-15
     )
 
 
 def test_si_stays_bit_for_bit():
     values = np.array([0.1, 1 / 3, 5e-324, -0.0])
-    assert to_si(values, "N", "force").tobytes() == values.tobytes()
+    assert scaled(values, factor("N", SI_UNIT["force"])).tobytes() == values.tobytes()
 
 
 @pytest.mark.parametrize(
