@@ -156,12 +156,12 @@ NUMBERED = {
 }
 
 
-@pytest.mark.parametrize(("setting", "count"), [("{0},{0}", 20), ("{0};{0};{0}", 5_000), ("{0},0.5,3", 5_000)])
+@pytest.mark.parametrize(("setting", "count"), [("{0},{0}", 20), ("{0};{0};{0}", 1_000)])
 def test_settings_end_wherever_they_end(tmp_path, setting, count):
-    rows = "".join(f"{i / 10}\t{FORCE[i % 120]}\t3.0\n" for i in range(50_000))
+    rows = "".join(f"{i / 10}\t{FORCE[i % 120]}\t3.0\n" for i in range(10_000))
     (tmp_path / "a.txt").write_text("".join(setting.format(i) + "\n" for i in range(count)) + rows)
     record = read_log(tmp_path / "a.txt", **NUMBERED)
-    assert len(record) == 50_000 and "preamble" in record.metadata
+    assert len(record) == 10_000 and "preamble" in record.metadata
     assert record.metadata["preamble"].count("\n") == count - 1, "nothing is dropped without a word"
     np.testing.assert_allclose(record.friction_force[:120], [float(force) for force in FORCE], rtol=1e-12)
 
@@ -203,25 +203,6 @@ def test_names_in_merged_cells_and_in_two_rows(tmp_path):
     record = read_log(CASES / "merged_header.xlsx")
     assert len(record) == 800 and record.metadata["time_source"] == "column Time in s"
     right(read_log(table(tmp_path, "Time;Force;;\n;Fz;Fx;Z\ns;N;N;mm", lambda i, f: f"{i / 10};3;{f};{i}")))
-
-
-@pytest.mark.parametrize("mark", ["\t", ","])
-def test_a_test_data_file_of_a_pcs_mtm(tmp_path, mark):
-    """Parameter lines, then a table for each step with its own parameters; made up after a description."""
-    names = ["Step Time (s)", "Rolling Speed (mm/s)", "Sliding Speed (mm/s)", "Ball Load (N)", "Traction Force (N)",
-             "Traction Coeff (-)", "Pot Temp (°C)"]  # fmt: skip
-    text = "Test Profile File\tlong.mtm\nTest Date\t15/01/2026\nLower Specimen\tDisc 7\n\n".replace("\t", mark)
-    for step in (1, 2):
-        text += f"Step {step}{mark}Timed Step\nIdle Speed{mark}1000\nLoad{mark}3\n" + mark.join(names) + "\n"
-        for i, force in enumerate(FORCE):
-            cells = (f"{i / 10:.1f}", "1000", "50", "3.000", force, f"{float(force) / 3:.4f}", "40.1")
-            text += mark.join(cells) + "\n"
-        text += "\n"
-    (tmp_path / "a.txt").write_bytes(text.encode("latin-1"))
-    record = read_log(tmp_path / "a.txt")
-    assert [step.stop - step.start for step in record.steps] == [120, 120]
-    right(read_log(tmp_path / "a.txt", step=2))
-    assert record.normal_force[0] == 3.0 and record.channel_units["Sliding Speed"] == "m/s"
 
 
 @pytest.mark.parametrize("name", EXPORTS)

@@ -74,7 +74,7 @@ def semicolon_and_comma():
 
 @pytest.mark.parametrize(("write", "name"), WRITERS)
 @settings(
-    max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
+    max_examples=6, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
 )
 @given(record=records())
 @example(record=semicolon_and_comma())
