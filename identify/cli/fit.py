@@ -112,6 +112,8 @@ def _fit_and_report(
     keep()  # the next fit of this kind finds its functions compiled
     terminal.say(summary(outcome.typed, costs))
     terminal.say(f"report: {place / 'report.html'}")
+    if outcome.converged and outcome.typed.estimator != "uneven":
+        terminal.say(f"next: stickslip stability --result {place / 'result.json'}")
     return outcome
 
 

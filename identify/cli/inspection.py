@@ -21,7 +21,7 @@ from identify.logs.recorded_drive import NOT_STATED, RecordedDrive, drive_of, re
 from identify.logs.regime import SURE, Known, LogRegime, Regime, joined, look, only_of
 from identify.logs.segment import SLIDING, SLIP, STICK, Segmentation
 
-HEADINGS = ("run", "step", "stroke", "regime")
+HEADINGS = ("run", "step", "stroke", "regime", "direction")
 MOST_STROKES = 2  # fit beside each other in 80 columns
 LONGEST_NAME = 24  # of a log in the table of all, which is to fit in 80 columns
 THUMBNAIL = 60  # stretches of the thumbnail of a log

@@ -1,6 +1,6 @@
 // The frame of the page: views by address, the scene that is worked on, the jobs at the bottom, news of the folder.
 import { address, choice, element, get, guarded, here, refill, say, settled } from "./base.js";
-import { endedJobs, runningJob } from "./jobs.js";
+import { endedJobs, fitOf, runningJob } from "./jobs.js";
 import { logsView } from "./logs.js";
 import { logView } from "./log.js";
 import { sceneView } from "./scene.js";
@@ -44,13 +44,6 @@ const session = {
 session.scene = localStorage.getItem("scene") ?? "";
 
 let close = null, listed = "";
-
-/** The fit of the scene that is worked on. */
-export const fitOf = (session) => {
-  const stem = session.scene.split("/").pop().replace(/\.toml$/, "");
-  return session.folder.fits.find((fit) => fit.path.startsWith("stickslip-") && session.folder.jobs.some((job) => job.out === fit.path && job.command.includes(`--scene ${session.scene} `)))
-    ?? session.folder.fits.find((fit) => fit.path === `stickslip-${stem}`);
-};
 
 /** The steps with what is done, the views of each, and the one next thing to do. */
 function steps() {

@@ -1,6 +1,6 @@
 // At the bench: a rig from short records of it, or which logs to record next: tables, and what the command line prints.
 import { button, command, duration, element, fileAddress, get, interval, labelled, link, plain, post, put, quantity, refill, say, table } from "./base.js";
-import { start } from "./jobs.js";
+import { fitOf, start } from "./jobs.js";
 
 const BEFORE = "before.toml"; // a scene of no log: what a first plan starts from
 const EFFECTS = ["inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening", "varying_normal_force"];
@@ -53,7 +53,8 @@ export function benchView(host, part, session) {
     if (!session.scene) { say("a plan needs a scene: make one of logs, or the one before any test"); return; }
     await post("save", { path: session.scene });
     const set = [["rig.drive_speed", speed], ["rig.normal_force", load]].filter(([, input]) => input.value.trim()).map(([key, input]) => `${key}=${input.value.trim()}`);
-    await start(session, { command: "plan", source: session.scene, out: steps.value, budget: budget.value.trim() || undefined, set });
+    const fit = fitOf(session), source = fit?.status === "converged" && !set.length ? `${fit.path}/result.json` : session.scene; // its estimates, where it stands
+    await start(session, { command: "plan", source, out: steps.value, budget: budget.value.trim() || undefined, set });
   }
 
   /** The newest job of a kind that has ended: what it said, and its file. */
@@ -62,7 +63,7 @@ export function benchView(host, part, session) {
     if (!job || shown[kind] === job.id) return;
     shown[kind] = job.id;
     const found = job.state === "done" ? await get("job", { id: job.id }) : null, written = job.out && found?.out;
-    refill(place, found ? TABLES[kind](found) : null, element(found ? "pre" : "p", { "data-said": kind }, found ? job.words : job.message),
+    refill(place, found ? TABLES[kind](found) : element("p", {}, job.message), found ? element("details", { open: !found.out }, element("summary", {}, "in words"), element("pre", { "data-said": kind }, job.words)) : null,
       written ? element("p", {}, element("a", { href: fileAddress(job.out, true) }, job.out), words, more) : null, command(job.command));
   }
   const fill = () => {

@@ -156,7 +156,7 @@ export async function fitView(host, asked, session) {
     if (key === list.dataset.key) return;
     list.dataset.key = key;
     refill(list, session.folder.fits.length ? table(["fit", "status", "finished", "message"], session.folder.fits.map((fit) => [link(fit.path, "fit", { path: fit.path }), fit.status, fit.finished.replace("T", " ").replace("Z", ""), fit.message]), { id: "fits", class: "cards" })
-      : element("p", {}, "No fit in this folder yet. ", link("Open the logs", "logs"), " and make a scene of them first."));
+      : element("p", {}, "No fit in this folder yet. ", scene ? null : [link("Open the logs", "logs"), " and make a scene of them first."]));
   };
   put(host, element("div", { class: "bar" }, begin, labelled(scene ? `${scene} into` : "no scene yet;", out), labelled("accuracy", accuracy), labelled("at most", limit)),
     element("div", { class: "bar" }, element("span", { class: "quiet" }, "takes longer:"), more), text?.error ? element("p", { class: "error" }, `The scene is not complete: ${text.error} `, link("open it", "scene")) : null,

@@ -42,6 +42,13 @@ export function endedJobs(jobs, clear, open) {
     jobs.map((job) => element("div", { class: "job", "data-state": job.state }, element("p", {}, line(job), job.message ? ` – ${job.message}` : ""), command(job.command))));
 }
 
+/** The fit of the scene that is worked on. */
+export const fitOf = (session) => {
+  const stem = session.scene.split("/").pop().replace(/\.toml$/, "");
+  return session.folder.fits.find((fit) => fit.path.startsWith("stickslip-") && session.folder.jobs.some((job) => job.out === fit.path && job.command.includes(`--scene ${session.scene} `)))
+    ?? session.folder.fits.find((fit) => fit.path === `stickslip-${stem}`);
+};
+
 /** Start a job and say that it runs. */
 export async function start(session, asked) {
   const job = await post("start", asked);

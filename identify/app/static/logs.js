@@ -78,7 +78,9 @@ export function logsView(host, asked, session) {
   host.addEventListener("dragover", over);
   host.addEventListener("dragleave", over);
   host.addEventListener("drop", (event) => { over(event); taken(event.dataTransfer.files).catch((error) => say(error.message)); });
+  const again = () => { shown = ""; fill(); }; // the colours of thumbnails follow day and night
   document.addEventListener("folder", fill);
+  document.addEventListener("redraw", again);
   fill();
-  return () => { document.removeEventListener("folder", fill); stop(); };
+  return () => { document.removeEventListener("folder", fill); document.removeEventListener("redraw", again); stop(); };
 }

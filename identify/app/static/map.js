@@ -90,10 +90,15 @@ export async function mapView(host, asked, session) {
         mark(context, tox(here[x.name]), toy(here[y.name]), style("--paper"), "circle", 3);
       } });
     showFiles();
+    showLegend();
+  };
+  const showLegend = () => {
     const shares = Object.entries(made.map.shares).map(([outcome, share]) => [swatch(outcome), `${(OUTCOMES[outcome] ?? [outcome])[0]} ${share < 0.005 ? "under 1" : Math.round(100 * share)} %; `]);
     refill(legend, shares, `solid line: end of stick-slip; dashed: sliding loses its stability; hatched: tested by the logs. Drag the point, or move it with the arrow keys.`);
     host.dataset.mapped = "yes";
   };
+  const again = () => { if (made) showLegend(); }; // its colours follow day and night
+  document.addEventListener("redraw", again);
   function tested(context, tox, toy, x, y) {
     const spans = before.tested, part = (q, to, whole) => { const s = spans[q.name]; return s ? [to(s[0]), to(s[1])] : whole; };
     if (!spans[x.name] && !spans[y.name]) return;
@@ -181,5 +186,5 @@ export async function mapView(host, asked, session) {
   put(host, element("h2", {}, "Map"), controls, place, legend, answer);
   const known = asked.job ? jobs.find((job) => job.id === asked.job) : jobs.find((job) => job.out === `${name}.csv`);
   if (known) await load(known.id).catch((error) => say(error.message)); else { here = {}; await point(); }
-  return () => stop();
+  return () => { document.removeEventListener("redraw", again); stop(); };
 }
