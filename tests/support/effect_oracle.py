@@ -207,7 +207,7 @@ class Piece:
 
 @dataclass
 class Run:
-    """A finished run: pieces, times of onsets, arrests and wear_times [s]."""
+    """A finished run: pieces, times of onsets and arrests [s]."""
 
     equations: Equations
     v0: float
@@ -215,7 +215,6 @@ class Run:
     pieces: list[Piece] = field(default_factory=list)
     onsets: list[float] = field(default_factory=list)
     arrests: list[float] = field(default_factory=list)
-    wear_times: list[float] = field(default_factory=list)
 
     def states(self, times: Array) -> Array:
         """The eight states (8, n) at times (n,)."""
@@ -285,7 +284,6 @@ def simulate(
             equations.stick += 1
         elif cause == "empty":
             s[GAMMA] = 0.0
-            run.wear_times.append(now)
             mode = "worn"
         elif cause == "kink":
             equations.fast = not equations.fast

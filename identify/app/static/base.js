@@ -1,9 +1,13 @@
 // What all views share: elements, questions to the server, the address, numbers in words.
 
 const there = (children) => children.flat(4).filter((child) => child !== null && child !== undefined);
-/** Append, or put in place of what was there; lists are spread, null is left out. */
+/** Append, or put in place of what was there, the focus where it was; lists are spread, null is left out. */
 export const put = (host, ...children) => host.append(...there(children));
-export const refill = (host, ...children) => host.replaceChildren(...there(children));
+export const refill = (host, ...children) => {
+  const controls = () => [...host.querySelectorAll("a, button, input, select, summary")], at = controls().indexOf(document.activeElement);
+  host.replaceChildren(...there(children));
+  if (at >= 0) controls()[at]?.focus();
+};
 
 /** An element: attributes (on… are listeners), then children; text is always text, never markup. */
 export function element(tag, attributes = {}, ...children) {
