@@ -16,22 +16,25 @@ from identify import Scene
 from identify.logs.judgement import judge
 from identify.logs.recorded_drive import with_drive_checked
 from tests.support.verdict_cases import (
+    FORCE,
     RATE,
+    TIME,
     N,
-    clipped_run,
     made,
     noise,
+    put,
     rate_switch,
     ratio,
     samples_per_swing,
     saw,
     stopped,
-    unloaded_rows,
 )
 
 Found = Sequence[Finding]
 Make = Callable[[Path], Found]
 
+AT_SPEED = "".join(f"{i}.0,10,{i % 7}.5,3.0\n" for i in range(9))
+FLAT = np.full(N, 0.3)
 ROWS = [f"{i / 100:.2f},{i % 7}.5,3.0" for i in range(40)]
 GOOD = "T,Fx,Fz\ns,N,N\n" + "".join(row + "\n" for row in ROWS)
 
@@ -57,15 +60,19 @@ def files(count: int) -> Make:
     return make
 
 
-def judged(make: Callable[[], tuple[Record, list[Any]]], rows: int | None = None) -> Make:
+def judged(*force_load_time: np.ndarray | None, rows: int = N) -> Make:
     """What the gate finds; rows: so many at the front count."""
-    used = None if rows is None else np.arange(N) < rows
 
     def found(_folder: Path) -> Found:
-        record, parts = make()
-        return judge(record, parts, used=used).findings
+        record, parts = made(*force_load_time)
+        return judge(record, parts, used=None if rows == N else np.arange(N) < rows).findings
 
     return found
+
+
+def shown(make: Callable[[float], tuple[Record, list[Any]]], x: float) -> Make:
+    """What the gate finds in a record that is made with a number."""
+    return lambda _folder: judge(*make(x)).findings
 
 
 def umt(*steps: str) -> str:
@@ -87,59 +94,37 @@ def rtec(rows: int) -> str:
     return "\n".join(["Step, Timestamp, RecipeStep, DAQ.Fz (N),DAQ.Fx (N)", *table, ""])
 
 
-def one_value_but(rows: int) -> np.ndarray:
-    force = np.full(N, 0.3)
-    force[100 : 100 + rows] += 1e-4
-    return force
+def loading(share: float) -> np.ndarray:
+    """The force of a first stick that is over after a share of the log; no slip comes."""
+    return 0.5 * np.minimum(TIME / (share * TIME[-1]), 1.0) + noise(1)
 
 
-def set_load(rows: int) -> tuple[Record, list[Any]]:
-    load = np.ones(N)
-    load[100 : 100 + rows] += 1e-6
-    return made(normal=load)
+def lifted(values: np.ndarray, rows: int, by: float) -> np.ndarray:
+    """Some rows that stand on one value beyond all others."""
+    return put(values, slice(100, 100 + rows), values.max() + by)
 
 
-def clipped_load(rows: int) -> tuple[Record, list[Any]]:
-    load = 1.0 + noise(2)
-    load[100 : 100 + rows] = load.max() + 1e-4
-    return made(normal=load)
-
-
-def loading(share: float) -> tuple[Record, list[Any]]:
-    """A first stick that is over after a share of the log; no slip comes."""
-    time = np.arange(N) / RATE
-    return made(0.5 * np.minimum(time / (share * time[-1]), 1.0) + noise(1))
-
-
-def swapped(slips: int) -> tuple[Record, list[Any]]:
+def swapped(slips: int) -> Make:
     """Forces exchanged, cut behind so many slips."""
-    record, _ = made()
-    rows = round((slips + 0.5) * 0.4 * RATE)
-    return made(record.normal_force[:rows], record.friction_force[:rows], record.time[:rows])
+    rows = slice(round((slips + 0.5) * 0.4 * RATE))
+    return judged(1.0 + noise(2)[rows], FORCE[rows], TIME[rows])
 
 
 def tared(stop: float) -> Make:
     """A zero taken from 0 s to `stop` in a record whose drive moves from 2 s on."""
 
-    def make(_folder: Path) -> Found:
-        time = np.arange(N) / RATE
-        record = Record(time, np.ones(N), np.where(time < 2.0, 0.0, 0.4 + saw(time - 2.0)) + noise(1))
-        return correct(record, Corrections(tare=(0.0, stop))).record.findings
-
-    return make
+    record = Record(TIME, np.ones(N), np.where(TIME < 2.0, 0.0, 0.4 + saw(TIME - 2.0)) + noise(1))
+    return lambda _folder: correct(record, Corrections(tare=(0.0, stop))).record.findings
 
 
 def driven(stated: float) -> Make:
     """A drive that moves at 1 mm/s by the position column, and was stated as something else."""
 
-    def make(_folder: Path) -> Found:
-        time = np.arange(N) / RATE
-        track = {"channels": {"position": 1e-3 * time}, "channel_units": {"position": "m"}}
-        rig = {"mass": 0.2, "stiffness": 1470.0, "damping": 147.0, "drive_speed": stated}
-        scene = Scene.from_document({"effects": "auto", "rig": rig, "logs": [{"path": "log.csv"}]}, Path())
-        return with_drive_checked(scene, scene.logs[0], Record(time, np.ones(N), np.full(N, 0.3), **track)).findings
-
-    return make
+    track = {"channels": {"position": 1e-3 * TIME}, "channel_units": {"position": "m"}}
+    rig = {"mass": 0.2, "stiffness": 1470.0, "damping": 147.0, "drive_speed": stated}
+    scene = Scene.from_document({"effects": "auto", "rig": rig, "logs": [{"path": "log.csv"}]}, Path())
+    record = Record(TIME, np.ones(N), np.full(N, 0.3), **track)
+    return lambda _folder: with_drive_checked(scene, scene.logs[0], record).findings
 
 
 TWO = "T [s],Ff [N],Fx [N],Fz [N]\n0,{},1,3\n1,2,2,3\n2,3,3,3\n"
@@ -209,17 +194,14 @@ def turning(unit: str) -> Make:
 
 
 # code: [(what triggers it, what just does not), ...], one pair for each way in which it comes about
-CASES: dict[str, list[tuple[Make, Make]]] = {
+CASES: dict[str, list[tuple[Make, ...]]] = {
     "missing_time": [(log(GOOD.replace("0.20,", "nan,")), log(GOOD.replace("0.20,", "0.205,")))],
     "clock_rounded": [(stamped(3), stamped(5))],
     "friction_from_coefficient": [
         (log(GOOD.replace("Fx", "COF").replace("s,N,N", "s,,N")), log(GOOD)),
     ],
     "time_from_distance": [
-        (
-            log("Distance [m],Speed [mm/s],Fx [N],Fz [N]\n" + "".join(f"{i}.0,10,{i % 7}.5,3.0\n" for i in range(9))),
-            log("Time [s],Speed [mm/s],Fx [N],Fz [N]\n" + "".join(f"{i}.0,10,{i % 7}.5,3.0\n" for i in range(9))),
-        ),
+        tuple(log(f"{x},Speed [mm/s],Fx [N],Fz [N]\n{AT_SPEED}") for x in ("Distance [m]", "Time [s]")),
     ],
     "damaged_parts": [(cut_tdms(100), cut_tdms(0))],
     "clock_from_rate": [(log(GOOD, rate="4 Hz"), log(GOOD))],
@@ -274,25 +256,22 @@ CASES: dict[str, list[tuple[Make, Make]]] = {
         (log(umt(step(1), "Step No. 2\nX = 1\n")), log(umt(step(1), "Step 2 was left out\n"))),
     ],
     "short_steps": [(log(rtec(2)), log(rtec(3)))],
-    "stopped": [(judged(lambda: stopped(60)), judged(lambda: stopped(15)))],
-    "unloaded_rows": [(judged(lambda: unloaded_rows(0.09)), judged(lambda: unloaded_rows(0.11)))],
-    "rate_switch": [(judged(lambda: rate_switch(1.6)), judged(lambda: rate_switch(1.4)))],
-    "strange_coefficient": [
-        (judged(lambda: ratio(10.5)), judged(lambda: ratio(9.5))),
-        (judged(lambda: ratio(0.00095)), judged(lambda: ratio(0.00105))),
-    ],
-    "sampled_too_slowly": [(judged(lambda: samples_per_swing(3.9)), judged(lambda: samples_per_swing(15.0)))],
-    "still_loading": [(judged(lambda: loading(1.0)), judged(lambda: loading(0.8)))],
-    "friction_constant": [(judged(lambda: made(one_value_but(0))), judged(lambda: made(one_value_but(1))))],
+    "stopped": [tuple(shown(stopped, rows) for rows in (60, 15))],
+    "unloaded_rows": [tuple(judged(None, put(1.0 + noise(2), 77, share)) for share in (0.09, 0.11))],
+    "rate_switch": [tuple(shown(rate_switch, factor) for factor in (1.6, 1.4))],
+    "strange_coefficient": [tuple(shown(ratio, x) for x in pair) for pair in ((10.5, 9.5), (0.00095, 0.00105))],
+    "sampled_too_slowly": [tuple(shown(samples_per_swing, count) for count in (3.9, 15.0))],
+    "still_loading": [(judged(loading(1.0)), judged(loading(0.8)))],
+    "friction_constant": [(judged(FLAT), judged(lifted(FLAT, 1, 1e-4)))],
     "no_load": [
-        (judged(lambda: made(normal=np.zeros(N))), judged(lambda: made(normal=np.full(N, 1e-3)))),
-        (judged(lambda: made(normal=-np.ones(N))), judged(lambda: made(normal=np.ones(N)))),
+        (judged(None, np.zeros(N)), judged(None, np.full(N, 1e-3))),
+        (judged(None, -np.ones(N)), judged(None, np.ones(N))),
     ],
-    "no_rows": [(judged(made, rows=1), judged(made, rows=2))],
-    "normal_force_not_measured": [(judged(lambda: set_load(0)), judged(lambda: set_load(1)))],
-    "normal_clipped": [(judged(lambda: clipped_load(10)), judged(lambda: clipped_load(9)))],
-    "friction_clipped": [(judged(lambda: clipped_run(10)), judged(lambda: clipped_run(9)))],
-    "forces_swapped": [(judged(lambda: swapped(3)), judged(lambda: swapped(2)))],
+    "no_rows": [(judged(rows=1), judged(rows=2))],
+    "normal_force_not_measured": [(judged(None, np.ones(N)), judged(None, lifted(np.ones(N), 1, 1e-6)))],
+    "normal_clipped": [tuple(judged(None, lifted(1.0 + noise(2), rows, 1e-4)) for rows in (10, 9))],
+    "friction_clipped": [tuple(judged(lifted(FORCE, rows, 0.01)) for rows in (10, 9))],
+    "forces_swapped": [(swapped(3), swapped(2))],
     "tare_not_quiet": [(tared(2.2), tared(1.9))],
     "drive_speed_disagrees": [(driven(1.03e-3), driven(1.01e-3))],
 }
