@@ -15,10 +15,9 @@ from starlette.responses import Response
 
 from data_io.atomic import atomic_write
 from identify import examples
-from identify.app.commands import words_of
 from identify.app.curves import OpenLogs
 from identify.app.folder import Document, Folder, PageError, PageQuery
-from identify.app.jobs import Jobs
+from identify.app.jobs import Jobs, words_of
 from identify.app.looks import Looks, row_of, seen_by_a_fit
 from identify.app.results import batch_seen, fit_picture, fit_row, fit_seen, residuals
 from identify.app.scenes import Scenes, edited, with_log

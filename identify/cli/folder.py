@@ -24,11 +24,7 @@ COMPARISON = (
 
 
 def check_replaceable(out: Path, names: tuple[str, ...] = RESULT) -> None:
-    """Refuse a path that must not be replaced; cheap, for a call before the work.
-
-    Raises:
-        CommandLineError: a file, the folder one stands in, one that holds something else, or no place to write to.
-    """
+    """Refuse a path that must not be replaced; cheap, for a call before the work."""
     if out.is_dir() and Path.cwd().is_relative_to(out.resolve()):
         raise CommandLineError(f"--out {out} is the folder this command runs in; choose a new folder")
     if out.exists() and not out.is_dir():
@@ -60,9 +56,6 @@ def result_folder(out: Path, names: tuple[str, ...] = RESULT) -> Iterator[Path]:
     """A temporary folder beside `out` to write into; it takes the place of `out` when all went well.
 
     Entered before the work, so that what another command writes to `out` meanwhile is not replaced.
-
-    Raises:
-        CommandLineError: `out` must not be replaced; a result that was written is then kept beside it.
     """
     check_replaceable(out, names)
     out = Path(os.path.realpath(out))

@@ -73,9 +73,6 @@ class PairAtPoint:
 def operating_points(arguments: Namespace) -> tuple[list[PairAtPoint], sources.Tested | None, Scene]:
     """One point per log, changed by --at; a drive speed given there makes it one point, of every group where parameters
     differ between groups. With the range of what the logs tested, None where there are none, and the scene.
-
-    Raises:
-        CommandLineError, SceneError, SimulationError, LogError: one sentence each.
     """
     if bool(arguments.result) == bool(arguments.scene):
         raise CommandLineError("expected one of --scene SCENE.toml and --result result.json; give one of them")
@@ -201,11 +198,7 @@ def _groups(points: Sequence[PairAtPoint]) -> str:
 
 
 def _one_pair(points: Sequence[PairAtPoint], option: str) -> list[PairAtPoint]:
-    """The points that have values, for an option that shows a single pair.
-
-    Raises:
-        CommandLineError: points of several groups, or none with values.
-    """
+    """The points that have values, for an option that shows a single pair."""
     kept = [p for p in points if not p.untold]
     if not kept:
         raise CommandLineError(f"{option} has nothing to show: {points[0].untold}")
@@ -223,9 +216,6 @@ def _one_pair(points: Sequence[PairAtPoint], option: str) -> list[PairAtPoint]:
 def answers(arguments: Namespace, terminal: Terminal) -> Answer:
     """Say one part (the command: "stability" or "amplitude") of the prediction at every operating point; plot it where
     wanted.
-
-    Raises:
-        CommandLineError, SceneError, SimulationError, LogError: one sentence each.
     """
     part, plot = arguments.command, picture(arguments.plot)
     margin = None if arguments.advice is None else quantity(arguments.advice or "20 %", "", "--advice")

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from identify.app.commands import words_of
 from identify.app.folder import Folder
+from identify.app.jobs import words_of
 from identify.app.server import Serving
 from identify.cli import main as cli
 from identify.cli.main import build_parser

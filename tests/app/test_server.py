@@ -14,10 +14,9 @@ import numpy as np
 import pytest
 
 from data_io import Record
-from identify.app.commands import words_of
 from identify.app.curves import MOST_POINTS, OpenLog
 from identify.app.folder import Folder, PageError
-from identify.app.jobs import same_code
+from identify.app.jobs import same_code, words_of
 from identify.app.scenes import edited
 from identify.cli import main as cli
 from tests.app.conftest import Client, served
