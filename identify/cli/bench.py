@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from data_io import LogError, Record, read_log
+from data_io import LogError, read_log
 from data_io.atomic import atomic_write
 from identify.base.wording import wrapped
 from identify.bench.plan import Choices, plan_document, plan_text, step_table
@@ -70,7 +70,15 @@ def _measured(arguments: Namespace) -> list[Measured]:
     skins = _by_log([f"{log}=" for log in arguments.skin], "--skin", logs)
     out: list[Measured] = []
     for log in logs:
-        record = _read(log, arguments)
+        options = log_options(arguments)
+        try:
+            record = read_log(log, **options)
+        except LogError:  # a record without a normal force does as well, the rig is known without it
+            if "normal_force" in options:
+                raise
+            record = read_log(log, **options, normal_force=1.0)
+            if any(finding.code == "friction_from_coefficient" for finding in record.findings):
+                raise  # then the force is not known without the load
         mass = quantity(added[log], "kg", f"--added-mass {log}") if log in added else 0.0
         if not mass >= 0.0:
             raise CommandLineError(f"--added-mass {log} is {mass:g} kg; expected a positive mass: correct it")
@@ -80,20 +88,6 @@ def _measured(arguments: Namespace) -> list[Measured]:
             raise CommandLineError(f"{log} has an added mass and no tap that rings down; expected one: record it again")
         out += taps or sticks(record, log, speed, log in skins)
     return out
-
-
-def _read(log: Path, arguments: Namespace) -> Record:
-    """The log; a record without a normal force does as well, the rig is known without it."""
-    options = log_options(arguments)
-    try:
-        return read_log(log, **options)
-    except LogError:
-        if "normal_force" in options:
-            raise
-        record = read_log(log, **options, normal_force=1.0)
-        if any(finding.code == "friction_from_coefficient" for finding in record.findings):
-            raise  # then the force is not known without the load
-        return record
 
 
 def _by_log(items: Sequence[str], option: str, logs: Sequence[Path]) -> Mapping[Path, str]:

@@ -234,13 +234,15 @@ def overview(logs: Sequence[tuple[str, Inspection | None]]) -> str:
 def document(seen: Inspection) -> dict[str, object]:
     """The inspection as a JSON-able document, SI."""
     record, quality, programme = seen.record, seen.judgement.quality, seen.drive.programme
+    finite = record.friction_force[np.isfinite(record.friction_force)]
+    parts = np.array_split(finite, THUMBNAIL)
     return {
         "path": seen.path,
         "format": record.metadata.get("format"),
         "sha256": record.metadata.get("sha256"),
         "rows": len(record),
         "duration_s": float(record.time[-1]),
-        "force_overview_N": _overview(record.friction_force),
+        "force_overview_N": [[float(np.min(part)), float(np.max(part))] for part in parts if part.size],
         "window_start_s": float(record.metadata.get(WINDOW_START, 0.0)),
         "columns": dict(record.units()),
         "drive_speed_m_per_s": seen.drive.speed,
@@ -279,12 +281,6 @@ def document(seen: Inspection) -> dict[str, object]:
         ],
         "classical": to_document(seen.classical),
     }
-
-
-def _overview(force: NDArray[np.float64]) -> list[list[float]]:
-    """Lowest and highest force [N] of each of at most THUMBNAIL stretches, for a thumbnail."""
-    parts = (part[np.isfinite(part)] for part in np.array_split(force, min(THUMBNAIL, force.size)))
-    return [[float(part.min()), float(part.max())] for part in parts if part.size]
 
 
 def _regime(seen: LogRegime) -> Mapping[str, object]:

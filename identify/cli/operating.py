@@ -157,7 +157,13 @@ def points_of(scene: Scene, result: Result | None, changes: Mapping[str, float] 
         if not moving:
             raise CommandLineError('the scene gives no drive speed that moves; give one: --at drive_speed="1 mm/s"')
         loads = (changes.get("normal_force"), log.normal_force_N, rig.normal_force)
-        load = next((float(force) for force in loads if force is not None), None) or _median_load(entry)
+        load = next((float(force) for force in loads if force is not None), 0.0)
+        if not load and entry is None:
+            raise CommandLineError('the scene gives no normal force; give one: --at normal_force="1 N"')
+        if not load and entry is not None:
+            part = {"run": entry.run, "rate": entry.rate, "exclude": unused(entry)}
+            record = read_log(entry.path, entry.step, entry.units, entry.columns, **part)  # type: ignore[arg-type]
+            load = float(np.nanmedian(record.normal_force))
         for speed in moving:
             scene.check_ranges(None, speed, [load], values)
             guessed = sources.assumed(scene, values, (*changes, *pair.values))
@@ -181,15 +187,6 @@ def points_of(scene: Scene, result: Result | None, changes: Mapping[str, float] 
                 )
             )
     return points
-
-
-def _median_load(entry: LogEntry | None) -> float:
-    """The normal force [N] of a log of which neither a scene nor a fit states one."""
-    if entry is None:
-        raise CommandLineError('the scene gives no normal force; give one: --at normal_force="1 N"')
-    part = {"run": entry.run, "rate": entry.rate, "exclude": unused(entry)}
-    record = read_log(entry.path, entry.step, entry.units, entry.columns, **part)  # type: ignore[arg-type]
-    return float(np.nanmedian(record.normal_force))
 
 
 def _groups(points: Sequence[PairAtPoint]) -> str:
