@@ -18,13 +18,10 @@ AS_STROKES = (str(STROKES), "--columns", "friction_force=Ft", "--normal-force", 
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
 
 
-def command(*words, shell="", encoding=None, **settings):
-    """Run `stickslip`, perhaps with what a shell puts behind it; returns the finished process."""
-    env = ENVIRONMENT | ({"PYTHONIOENCODING": encoding} if encoding else {})
-    run = [sys.executable, "-m", "identify", *words]
-    if shell:
-        run = ["bash", "-c", f'"$@" {shell}', "bash", *run]
-    return subprocess.run(run, capture_output=True, env=env, timeout=60, check=False, **settings)
+def command(*words, shell):
+    """Run `stickslip` with what a shell puts behind it; returns the finished process."""
+    run = ["bash", "-c", f'"$@" {shell}', "bash", sys.executable, "-m", "identify", *words]
+    return subprocess.run(run, capture_output=True, env=ENVIRONMENT, timeout=60, check=False)
 
 
 def shown(monkeypatch, *words, encoding):
