@@ -157,7 +157,7 @@ def result_is_seen(page):
     assert all(words in told for words in ("μₛ", "identified", "95 % interval", "rig exact"))
     assert "noise alone, to compare runs on this rig" in page.ask("document.querySelector('#view').innerText")
     price = page.ask("document.querySelector('#price').textContent")
-    assert "accuracy default: " in price and "tight: about " in price and "contact_ageing " in price
+    assert "accuracy default: " in price and "tight: about " in price and "contact ageing" in price
     drawn(page, "#residuals")
     shots = "[...document.querySelectorAll('.pictures.three img')]"
     page.ask(f"{shots}.forEach((one) => {{ one.loading = 'eager'; }})")
