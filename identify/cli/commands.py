@@ -26,19 +26,15 @@ PART: Options = {
 POINT: Options = {
     "--scene SCENE.toml": "the values of a scene: fixed, else start, else default; or",
     "--result result.json": "the estimates of a fit, with their uncertainty",
-    "--at KEY=VALUE*": 'operating point, repeatable: drive_speed="1 mm/s", normal_force, or any parameter (default: '
-    "each log)",
-    "--advice MARGIN?": "the nearest change of speed, stiffness, damping, mass or load that makes sliding steady, with "
-    "a margin (default: 20 %)",
-    "--group GROUP+": "of a fit whose parameters differ between groups: this one alone, as V08 or volunteer=V08, "
-    "repeatable (default: each)",
-    "--without EFFECT+": "leave out an effect of the scene, repeatable: one with which no cycle is like the one before",
+    "--at KEY=VALUE*": 'drive_speed="1 mm/s", normal_force, or any parameter; repeatable (default: those of each log)',
+    "--advice MARGIN?": "the nearest change of each quantity that makes sliding steady, with a margin (default: 20 %)",
+    "--group GROUP+": "of a fit with parameters per group: this one, V08 or volunteer=V08; repeatable (default: each)",
+    "--without EFFECT+": "leave out an effect of the scene: one with which no cycle is like the one before; repeatable",
     "--plot FILE": "draw it over drive speed, or the map (png, svg or pdf)",
     "maps": {
         "--map NAME*": "over one or two of drive_speed, stiffness, normal_force, pressure, area, damping, zeta, mass, "
         "t_cr, D, mu_k0, mu_step (μs - μk0), a, or any other parameter",
-        "--range NAME=LOW:HIGH+": 'of a quantity of the map, repeatable: drive_speed="0.1 mm/s:10 mm/s" (default: '
-        "around the point)",
+        "--range NAME=LOW:HIGH+": 'drive_speed="0.1 mm/s:10 mm/s"; repeatable (default: around the point)',
         "--points N": "along each quantity (default: 60, of one alone 120)",
         "--data FILE": "the numbers of the map (csv)",
     },
@@ -76,13 +72,11 @@ OPTIONS: Mapping[str, Options] = {  # as `add_options` takes them
         "how finely, and how sure": {
             "--preview": "draw the cycles and the start over the data, and stop",
             "--accuracy X": "coarse, default, tight, or the error of the steps in standard errors",
-            "--time-limit T": "of the search and its examination: 5 min, or 300 (seconds) (default: [fit] "
-            "time_limit of the scene, or 60 s)",
+            "--time-limit T": 'for all of it: "5 min", or 300 [s] (default: [fit] time_limit of the scene, or 60 s)',
             "--profile": "profile likelihood of every parameter",
             "--bootstrap N": "parametric bootstrap with N replicates",
             "--accuracy-table": "what each level of accuracy costs and changes",
-            "--starts {data,user,both}": "where the search starts: from the data, from the scene's start values, "
-            "or both (default: both where the scene gives a start, else data)",
+            "--starts {data,user,both}": "of the search: the data, the start values of the scene, or both where it has any",
         },
         **READING,
     },
@@ -148,8 +142,7 @@ OPTIONS: Mapping[str, Options] = {  # as `add_options` takes them
         "folders DIR+": "folders of fits or batches",
         "--by LABEL!": "the label whose groups are compared",
         "--out DIR": "folder of the answer (default: stickslip-by-<label>)",
-        "--subject LABEL": "the label that says whose fit it is (default: volunteer, subject, participant or "
-        'person; "none": no one)',
+        "--subject LABEL": 'whose fit it is (default: volunteer, subject, participant or person; "none": no one)',
         "--without FIT+": "leave out a fit by name",
         "--speeds SPEED,…": 'common drive speeds: "0.1 mm/s,1 mm/s" (default: of the logs)',
         "--load FORCE": 'common normal force: "1 N" (default: median of the logs)',
@@ -161,8 +154,7 @@ OPTIONS: Mapping[str, Options] = {  # as `add_options` takes them
         "--rate HZ!": "samples per second [Hz]",
         "--noise SD": "standard deviation of white force noise [N]",
         "--seed N": "seed of the noise (default 0)",
-        "--accuracy X": "relative error of switch times and forces that is tolerated (default: an order below the "
-        "noise)",
+        "--accuracy X": "relative error of switch times and forces (default: an order below the noise)",
         "--out LOG.csv|LOG.h5!": "the log to write, over a simulated one at most",
     },
     "stability": POINT,

@@ -107,9 +107,6 @@ def inspection(path: str, record: Record, rig: StatedRig = StatedRig()) -> Inspe
     return Inspection(path, record, judge(record, parts), tuple(steps), table, recorded, regime)
 
 
-# ---- In words. ----
-
-
 def lines(seen: Inspection) -> Iterator[str]:
     """The inspection in words."""
     record, quality, several = seen.record, seen.judgement.quality, len(seen.steps) > 1
@@ -215,20 +212,12 @@ def overview(logs: Sequence[tuple[str, Inspection | None]]) -> str:
         if seen is None:
             rows.append([name, DASH, DASH, DASH, DASH, "reject"])
             continue
-        regime, drive_speed = seen.regime.regime, seen.drive.speed
-        row = [
-            name,
-            f"{seen.judgement.quality.sampling.rate:.4g} Hz",
-            quantity(drive_speed, "m/s") if drive_speed is not None else "several" if seen.drive.programme else DASH,
-            DASH if regime is None else regime.value.replace("_", " "),
-            str(sum(step.phases.count for step in seen.steps)),
-            seen.judgement.verdict.removeprefix("accept with "),
-        ]
-        rows.append(row)
+        rate, speed, regime = seen.judgement.quality.sampling.rate, seen.drive.speed, seen.regime.regime
+        driven = quantity(speed, "m/s") if speed is not None else "several" if seen.drive.programme else DASH
+        count, verdict = sum(step.phases.count for step in seen.steps), seen.judgement.verdict
+        word = DASH if regime is None else regime.value.replace("_", " ")
+        rows.append([name, f"{rate:.4g} Hz", driven, word, str(count), verdict.removeprefix("accept with ")])
     return columns(rows)
-
-
-# ---- As a document. ----
 
 
 def document(seen: Inspection) -> dict[str, object]:
@@ -286,9 +275,6 @@ def document(seen: Inspection) -> dict[str, object]:
 def _regime(seen: LogRegime) -> Mapping[str, object]:
     value = None if seen.regime is None else seen.regime.value
     return {"regime": value, "confidence": seen.confidence, "evidence": list(seen.evidence)}
-
-
-# ---- As a picture, drawn as a report draws a log. ----
 
 
 def draw(logs: Sequence[Inspection], path: Path) -> list[Path]:

@@ -26,11 +26,8 @@ _stands_down = threading.Event()  # set where the command ends by itself, howeve
 
 @contextmanager
 def interruptible(last_words: Callable[[], None] | None = None) -> Iterator[None]:
-    """While a command runs, both signals raise KeyboardInterrupt and are remembered for `check_interrupted`.
-
-    Args:
-        last_words: for where the command did not end within `GRACE`; then this process ends, with exit code 130.
-            None: the command may take its time.
+    """While a command runs, both signals raise KeyboardInterrupt and are remembered for `check_interrupted`; where it
+    does not end within `GRACE`, this process ends with exit code 130 after its last words (None: it may take its time).
     """
 
     def interrupt(number: int, _frame: FrameType | None) -> NoReturn:

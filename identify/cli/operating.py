@@ -207,9 +207,6 @@ def _one_pair(points: Sequence[PairAtPoint], option: str) -> list[PairAtPoint]:
     return kept
 
 
-# ---- What is answered there. ----
-
-
 def answers(arguments: Namespace, terminal: Terminal) -> Answer:
     """Say one part (the command: "stability" or "amplitude") of the prediction at every operating point; plot it where
     wanted.
