@@ -76,7 +76,7 @@ OPTIONS: Mapping[str, Options] = {  # as `add_options` takes them
             "--profile": "profile likelihood of every parameter",
             "--bootstrap N": "parametric bootstrap with N replicates",
             "--accuracy-table": "what each level of accuracy costs and changes",
-            "--starts {data,user,both}": "of the search: the data, the start values of the scene, or both where it has any",
+            "--starts {data,user,both}": "start from data, from the scene, or both (default: what there is)",
         },
         **READING,
     },
