@@ -141,6 +141,8 @@ def closed_form_text(prediction: PointPrediction) -> str:
     words = []
     for name in ("drop", "period", "critical_speed"):
         entry, label = part.numbers[name], name.replace("critical_speed", "end of stick-slip, of a saturated contact")
-        off = entry.validity.startswith("not valid")  # a number that is off by a factor of a hundred helps nobody
-        words.append(f"{label}{':' if off else f' {shown(entry.value, entry.unit)},'} {entry.validity}")
+        if not entry.validity.startswith("not valid"):  # a number that is off by a factor of a hundred helps nobody
+            words.append(f"{label} {shown(entry.value, entry.unit)}, {entry.validity}")
+    if not words:
+        return f"{head} None of them holds here."
     return f"{head} They give: {'; '.join(words)}."
