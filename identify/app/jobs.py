@@ -143,7 +143,9 @@ class Jobs:
             with atomic_write(place / "job.json") as handle:
                 json.dump(about | {"pid": child.pid}, handle)
             self._children[name] = child
-            self._forget()
+            for old in sorted(self._place.iterdir())[:-KEPT]:  # of those that have ended
+                if not _running(old):
+                    shutil.rmtree(old, ignore_errors=True)
         return self.seen(name)
 
     def listed(self) -> list[Document]:
@@ -205,12 +207,6 @@ class Jobs:
             for rest in out.parent.glob(f".{escape(out.name)}.{about.get('pid')}.*"):
                 shutil.rmtree(rest, ignore_errors=True)
 
-    def _forget(self) -> None:
-        """Drop the oldest of the jobs that have ended."""
-        for name in sorted(p.name for p in self._place.iterdir())[:-KEPT]:
-            if not _running(self._place / name):
-                shutil.rmtree(self._place / name, ignore_errors=True)
-
 
 def _running(place: Path) -> bool:
     """Whether a process holds its lock: no number of a process is trusted, which another one may have by now."""
@@ -240,14 +236,10 @@ def _state(place: Path) -> tuple[str, str]:
 def _progress(path: Path) -> Document:
     """From the lines of standard error: stages so far with the seconds at which each began, share of the whole (None:
     unknown), and the words among them."""
-    try:
-        with path.open("rb") as handle:
-            handle.seek(max(path.stat().st_size - LAST, 0))
-            lines = handle.read().decode("utf-8", "replace").splitlines()
-    except OSError:
-        lines = []
     stages: list[tuple[str, float]] = []
-    share, words = None, []
+    share, words, lines = None, [], list[str]()
+    with suppress(OSError):
+        lines = path.read_bytes()[-LAST:].decode("utf-8", "replace").splitlines()
     for line in lines:
         try:
             report = json.loads(line)
