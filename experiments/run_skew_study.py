@@ -3,7 +3,7 @@
 Pairs, rigs and loads as in the study of windows; what is known of each is drawn too (half a percent to twelve percent,
 some of it correlated), and the drive speed from deep in the stick-slip to just below its end. The Monte Carlo draws
 the parameters on its own (normal, by the logarithm where they are positive and searched so) and simulates every draw
-with `brute_force_lanes`, no line of the package in it. Coverage: the share of its values inside the interval, among
+with `brute_force`, no line of the package in it. Coverage: the share of its values inside the interval, among
 the draws that stick and slip; it is to be 93 to 97 %.
 """
 
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parent)]
 
 import machine  # noqa: E402
-from brute_force_lanes import Lanes, begun, simulate  # noqa: E402
+from brute_force import Lanes, begun, simulate  # noqa: E402
 from run_window_study import EFFECTS, random_pairs  # noqa: E402
 
 from identify.base.document import to_dict  # noqa: E402

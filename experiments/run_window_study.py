@@ -1,7 +1,7 @@
 """Windows of drive speed of random pairs: the same whatever speed is asked at, and those of plain simulation.
 
 Pairs and rigs are drawn from wide ranges. Each is asked at five drive speeds, one call each; then thousands of motions
-are simulated side by side (`brute_force_lanes`, no line of the package in it) over a grid of drive speeds, from a
+are simulated side by side (`brute_force`, no line of the package in it) over a grid of drive speeds, from a
 rested contact, from contacts that break loose fresher, and from the stick-slip of neighbouring speeds; steady sliding
 is disturbed. An outcome agrees where the answer and the simulation say the same at a drive speed. Where stick-slip is
 answered, its drop and period are held against the settled cycle of the simulation.
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parent)]
 
 import machine  # noqa: E402
-from brute_force_lanes import Lanes, begun, simulate, swings_die  # noqa: E402
+from brute_force import Lanes, begun, simulate, swings_die  # noqa: E402
 
 from identify.base.document import to_dict  # noqa: E402
 from identify.model.model import assemble  # noqa: E402

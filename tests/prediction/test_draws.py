@@ -12,7 +12,7 @@ import pytest
 sys.path.append(str(Path(__file__).parents[2] / "experiments"))
 
 import run_skew_study as study
-from brute_force_lanes import Lanes
+from brute_force import Lanes
 
 from identify import Scene
 from identify.base.document import to_dict

@@ -37,7 +37,7 @@ def sticks_inside_only(settings):
     one before."""
     state = None
     for i, w in enumerate(settings):
-        pair = brute_force.Pair.of(dict(zip(SITE.model.parameter_names, w[:-2].tolist(), strict=True)), float(w[-2]))
+        pair = brute_force.Pair(dict(zip(SITE.model.parameter_names, w[:-2].tolist(), strict=True)), float(w[-2]))
         found = brute_force.settled(pair, float(w[-1]), *([] if state is None else [state]))
         if (found is not None) is (i == len(settings) - 1):
             return False
@@ -167,5 +167,5 @@ def test_jumps_that_fade_away_end_where_sliding_becomes_stable():
     assert end.below and end.value == pytest.approx(loss.value, rel=2e-3)
     assert np.nanmin(answer.chart.figures["drop"]) < 1e-3
     for share, sticks in ((0.98, True), (1.02, False)):
-        pair = brute_force.Pair.of({**DEMO, "D": share * end.value})
+        pair = brute_force.Pair({**DEMO, "D": share * end.value})
         assert (brute_force.settled(pair, site.drive_speed) is not None) is sticks

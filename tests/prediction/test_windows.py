@@ -13,7 +13,7 @@ sys.path.append(str(Path(__file__).parents[2] / "experiments"))
 
 import brute_force
 import run_window_study as study
-from brute_force_lanes import Lanes, onsets, simulate
+from brute_force import Lanes, onsets, simulate
 
 from identify.base.document import to_dict
 from identify.model.model import assemble
@@ -62,7 +62,7 @@ def test_a_window_with_two_ends_is_that_of_a_simulation():
         (part["from"]["value"], part["to"]["value"]) for part in ask(WINDOW, 2e-3)["stability"]["stick_slip_between"]
     ]
     assert low == pytest.approx(0.6250e-3, rel=2e-3) and high == pytest.approx(1.036e-3, rel=2e-3)
-    pair, begun = brute_force.Pair.of(WINDOW, WINDOW["normal_force"]), None
+    pair, begun = brute_force.Pair(WINDOW, WINDOW["normal_force"]), None
     for inside, outside in ((1.003 * low, 0.997 * low), (0.997 * high, 1.003 * high)):
         begun = brute_force.settled(pair, inside)
         assert begun is not None
@@ -88,7 +88,7 @@ def test_irregular_motion_has_an_end_too():
     document = ask(FLIP, 2.6684923e-3)
     assert document["stability"]["outcome"] == "sticks irregularly"
     end = document["stability"]["critical_speed"]["value"]
-    pair = brute_force.Pair.of(FLIP, FLIP["normal_force"])
+    pair = brute_force.Pair(FLIP, FLIP["normal_force"])
     begun = brute_force.settled(pair, 0.99 * end)
     assert begun is not None and brute_force.settled(pair, 1.01 * end, begun.end) is None
     assert "no stick-slip" not in document["text"]
