@@ -8,7 +8,6 @@ from it. Where it does not, or the next one is as likely, that is fitted again t
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import zip_longest
 
@@ -25,7 +24,7 @@ from identify.base.wording import START_VALUES
 from identify.diagnosis.findings import Findings
 from identify.diagnosis.fitted import Fitted, fit_beside, fit_model
 from identify.diagnosis.quantities import EFFECTS, REACH, Suggestion, held_quantities, in_series, smoothed, suggestion
-from identify.diagnosis.score_test import ALIKE, Column, Score, ScoreTable, score_table
+from identify.diagnosis.score_test import ALIKE, Score, ScoreTable, score_table
 from identify.estimation.attempt import Attempt, solve_again
 from identify.estimation.covariance import sizes
 from identify.estimation.estimator import Trial, in_time, note, tracing
@@ -101,10 +100,8 @@ def explain(
 
 def takes_misfit(attempt: Attempt, unknowns: Unknowns) -> bool:
     """Whether one quantity that was stated takes all but REMAINS of a misfit away, to first order."""
-    with suppress(np.linalg.LinAlgError):  # the optimality conditions are singular there
-        scores = score_table(attempt.solved, held_quantities(attempt, unknowns)).scores
-        return np.isfinite(attempt.excess) and bool(scores) and scores[0].score > (1.0 - REMAINS) * attempt.excess
-    return False
+    scores = score_table(attempt.solved, held_quantities(attempt, unknowns)).scores
+    return np.isfinite(attempt.excess) and bool(scores) and scores[0].score > (1.0 - REMAINS) * attempt.excess
 
 
 def _doubtful(findings: Findings) -> bool:
@@ -131,9 +128,7 @@ def _with_cause(findings: Findings, scene: Scene, read: Sequence[Record], ended:
     attempt, unknowns = ended.attempt, ended.unknowns
     assert attempt is not None
     fits = attempt.fits or ended.fits
-    table = _scores(attempt, held_quantities(attempt, unknowns))
-    if table is None:
-        return _unexplained(findings, ended.prepared)
+    table = score_table(attempt.solved, held_quantities(attempt, unknowns), _inflation(attempt))
     # First one of each class, by its highest score, and of a class that which has to move least for what is usual.
     classes = [sorted(some, key=lambda one: abs(one.step) / one.column.usual) for some in table.classes(CLEAR)]
     ordered = [one for row in zip_longest(*classes) for one in row if one is not None]
@@ -164,14 +159,6 @@ def _with_cause(findings: Findings, scene: Scene, read: Sequence[Record], ended:
     if causes:
         return _caused(findings, scene, causes, fits=fits)
     return _unexplained(findings, ended.prepared) if findings.status in MISFITS else findings
-
-
-def _scores(attempt: Attempt, columns: Sequence[Column]) -> ScoreTable | None:
-    """The scores at an attempt; None where its optimality conditions are singular."""
-    try:
-        return score_table(attempt.solved, columns, _inflation(attempt))
-    except np.linalg.LinAlgError:
-        return None
 
 
 def _inflation(attempt: Attempt) -> float:
@@ -211,9 +198,9 @@ def _refitted(ended: Fitted, score: Score) -> _Cause | None:
         if not found.solved.solution.success:
             other, _ = search(SearchProblem(logs, unknowns, thorough=False))
             found = found if other is None or other.log_numbers != best.log_numbers else other
-        table = _scores(found, [replace(column, at=size), *others])
-        keys = [] if table is None else [one.key for one in table.scores]
-        if table is None or score.key not in keys or not np.isfinite(found.excess):
+        table = score_table(found.solved, [replace(column, at=size), *others], _inflation(found))
+        keys = [one.key for one in table.scores]
+        if score.key not in keys or not np.isfinite(found.excess):
             return None
         best, theta, mine = found, found.solved.theta, keys.index(score.key)
         step = table.scores[mine]

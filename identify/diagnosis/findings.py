@@ -36,10 +36,7 @@ def against_data(
         rig: stated values [SI] by name; inflation: by how much autocorrelation of the noise widens a variance.
     """
     columns = [column for column in held_quantities(attempt, unknowns) if column.name in RIG_PARAMETERS]
-    try:
-        scores = score_table(attempt.solved, columns, inflation).scores if columns else ()
-    except np.linalg.LinAlgError:  # directions that no log determines: their verdicts say so
-        return {}
+    scores = score_table(attempt.solved, columns, inflation).scores if columns else ()
     out = {}
     for score in sorted(scores, key=lambda each: RIG_PARAMETERS.index(each.column.name)):
         name = score.column.name

@@ -10,6 +10,7 @@ quantities look alike in these data (Rao's score test; Cox and Hinkley, Theoreti
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Literal
 
@@ -100,15 +101,12 @@ class ScoreTable:
 
 
 def score_table(solved: Solved, columns: Sequence[Column], inflation: float = 1.0) -> ScoreTable:
-    """The score of every column at the last iterate of a solve.
+    """The score of every column at the last iterate of a solve; none where the optimality conditions are singular.
 
     Of a column that is tried with several sizes the one of the highest score counts.
 
     Args:
         inflation: by how much the autocorrelation and the level of the noise widen a variance.
-
-    Raises:
-        LinAlgError: the optimality conditions are singular there.
     """
     problem, z = solved.problem, solved.solution.z
     layout, logs, k = problem.layout, len(problem.logs), len(columns)
@@ -127,13 +125,12 @@ def score_table(solved: Solved, columns: Sequence[Column], inflation: float = 1.
     hessian, jacobian = point.hessian[moving][:, moving].tocsc(), point.jacobian[:, moving].tocsc()
     kept = np.concatenate([moving, layout.size + np.arange(layout.rows)])
     border = border[:, kept].transpose(1, 0, 2).reshape(kept.size, logs * k)
-    try:
+    answer = np.full((kept.size, border.shape[1] + 1), np.nan)
+    with suppress(RuntimeError):  # SuperLU's only word for a pivot of zero
         newton = np.concatenate([point.gradient[moving], point.rows])
         answer = Factors(optimality_matrix(hessian, jacobian)).solve(np.column_stack([border, newton]))
-    except RuntimeError as reason:  # SuperLU's only word for a pivot of zero
-        raise np.linalg.LinAlgError(str(reason)) from None
     if not np.all(np.isfinite(answer)):
-        raise np.linalg.LinAlgError("the optimality conditions are singular")
+        return ScoreTable((), np.empty((0, 0)))
     # What is scored: every column of all logs, and those of single logs; mixed from the columns of each (s, l k).
     of: list[tuple[int, int | None]] = [(c, None) for c in range(k) if columns[c].of != "single"]
     of += [(c, single) for c in range(k) if columns[c].of != "all" and logs > 1 for single in range(logs)]

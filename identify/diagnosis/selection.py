@@ -9,7 +9,6 @@ values, so that functions are built once, sums compare exactly, and the score te
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -202,13 +201,12 @@ class _Comparison:
         owner = {q.name: effect for effect in HELD for q in BY_NAME[effect].parameters}
         owner |= {name: effect for name, (effect, _) in EFFECTS.items()} | {"stiffness": "skin_compliance"}
         columns = [column for column in held_quantities(attempt, self.best.unknowns) if column.name in owner]
-        with suppress(np.linalg.LinAlgError):  # the optimality conditions are singular there
-            for one in score_table(attempt.solved, columns).scores:
-                effect, softer = owner[one.column.name], one.column.name != "stiffness" or one.step < 0.0
-                if one.log is None and softer and effect in scores and one.score > scores[effect]:
-                    scores[effect] = one.score
-                    if one.column.name in EFFECTS:
-                        self._starts[EFFECTS[one.column.name][1]] = one.step
+        for one in score_table(attempt.solved, columns).scores:
+            effect, softer = owner[one.column.name], one.column.name != "stiffness" or one.step < 0.0
+            if one.log is None and softer and effect in scores and one.score > scores[effect]:
+                scores[effect] = one.score
+                if one.column.name in EFFECTS:
+                    self._starts[EFFECTS[one.column.name][1]] = one.step
         self.gains |= {effect: (score, least) for effect, score in scores.items()}
         return {effect: score - least for effect, score in scores.items() if score > least}
 

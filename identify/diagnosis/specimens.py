@@ -111,9 +111,8 @@ def with_scatter(attempt: Attempt, prepared: Sequence[Prepared], unknowns: Unkno
     names, off = [column.name for column in columns], np.zeros((len(attempt.log_numbers), len(columns)))
     for _ in range(ROUNDS):
         inflation = largest_inflation(best, noise_of(best))
-        try:
-            table = score_table(best.solved, columns, inflation)
-        except np.linalg.LinAlgError:
+        table = score_table(best.solved, columns, inflation)
+        if not table.scores:
             return None
         of = tuple(np.array([(score.log, names.index(score.column.name)) for score in table.scores]).T)
         effects = log_effects(table, off[of], least, inflation, estimated=True)

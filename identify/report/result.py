@@ -386,12 +386,10 @@ def _by_errors(findings: Findings, tolerances: Mapping[str, float]) -> dict[str,
     out[ALL] = added_by_tolerances(information, values, of_rig, inflation)
     if scatter := tolerances.get("specimen", 0.0):
         free, mu_s = int(np.count_nonzero(unknowns.free)), abs(float(solved.theta[unknowns.names.index("mu_s")]))
-        try:
-            table = score_table(solved, columns_of(unknowns, mu_s), inflation)
+        table, out["specimen"] = score_table(solved, columns_of(unknowns, mu_s), inflation), np.zeros((free, free))
+        if table.scores:  # of directions that no log determines their verdicts say so
             effects = log_effects(table, np.zeros(len(table.scores)), scatter, inflation, estimated=False)
             out["specimen"] = effects.added[:free, :free]
-        except np.linalg.LinAlgError:  # directions that no log determines: their verdicts say so
-            out["specimen"] = np.zeros((free, free))
         out[ALL] = out[ALL] + out["specimen"]
     return out
 

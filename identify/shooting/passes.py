@@ -2,9 +2,9 @@
 after each the samples are assigned anew to the event times of its solution.
 
 A pass assigns samples to integration steps from constant event times. When the last pass moved no event by more than
-half a sample, the assignment and the answer agree. Where a pass fails, it is solved again from where it began within a
-trust region: a prior on the parameters about the iterate, whose weight grows tenfold with a pass that fails and falls
-with one that succeeds, until it is gone.
+half a sample, or events go to and fro at one cost, the assignment and the answer agree. Where a pass fails, it is
+solved again from where it began within a trust region: a prior on the parameters about the iterate, whose weight grows
+tenfold with a pass that fails and falls with one that succeeds, until it is gone.
 """
 
 from __future__ import annotations
@@ -191,6 +191,7 @@ def solve(
 
 ORDER = 4  # of the step formula
 SETTLED = 0.5  # samples: the last event shift
+SAME = 0.05  # cost: an optimum that differs by less, as events go to and fro, is the same one
 AT_BOUND = 0.9  # of the way to the next event: as far as an event can go in one pass
 PASSES, MOST_PASSES = 6, 40  # for every start; for one whose curve all but fits: an event comes 2 samples a pass nearer
 GAUSS_NEWTON, EXACT = 12, 25  # iterations of a pass: more of the one is a ridge, of the other a wrong start
@@ -261,7 +262,7 @@ def solve_in_passes(
     iterations, seconds = 0, 0.0
     accepted: Solved | None = None
     failed: Solved | None = None
-    visited, finest = list[Array](), min(log.interval for log in logs)  # events after each fine pass
+    before, cost, share = np.zeros(1), np.inf, 1.0  # of the fine pass before: event shifts, cost, share that was gone
     for number in range(1, MOST_PASSES + 1):
         since = time.perf_counter()
         pattern = None if accepted is None else accepted.problem.pattern
@@ -289,10 +290,19 @@ def solve_in_passes(
         if weight > 0.0:
             weight = weight / 10.0 if weight > 1.0 else 0.0
         elif grid is not COARSE_GRID:
-            events = np.concatenate([one.until for one in moved])
-            if shift < SETTLED or any(np.max(np.abs(events - at)) < 1e-4 * finest for at in visited):
-                return passed  # at rest, or samples change sides to and fro: the passes to come are those that were
-            visited.append(events)
+            ends = np.concatenate([place.events for place in problem.layout.places])
+            shifts, at = solution.x[ends], solution.x.copy()
+            if float(np.sum(before * shifts)) < 0.0 and abs(solution.cost - cost) < SAME:
+                passed = replace(passed, event_shift=0.0)  # to and fro, by what the data do not tell
+            if passed.event_shift < SETTLED:
+                return passed
+            # Where events go to and fro, the next pass begins part of the way (Irons and Tuck 1969).
+            turn, change = float(np.sum(before * (shifts - before))), float(np.sum((shifts - before) ** 2))
+            share = min(-share * turn / change, 1.0) if turn < 0.0 else 1.0
+            before, cost = shifts, solution.cost
+            at[ends] *= share
+            pairs = zip(problem.layout.places, passed.formed_from, strict=True)
+            trajectories = [place.read(one, at) for place, one in pairs]
         in_order = all(np.all(np.isfinite(one.until)) and np.all(np.diff(one.until) > 0) for one in moved)
         if solution.cost > cost_cutoff or time_is_up() or not in_order:
             return passed
