@@ -59,10 +59,10 @@ class Fitted:
         return self.excess < MISFIT * np.sqrt(2.0 * max(self.samples, 1))
 
 
-def fit_model(scene: Scene, records: Sequence[Record]) -> Fitted:
-    """Fit one scene to its records, from the first start of the data."""
+def fit_model(scene: Scene, records: Sequence[Record], *, thorough: bool = False) -> Fitted:
+    """Fit one scene to its records, from the first start of the data, or as many as it takes."""
     preparation = prepare_scene(scene, records)
-    attempt, _ = search(SearchProblem(preparation.logs, preparation.unknowns, thorough=False))
+    attempt, _ = search(SearchProblem(preparation.logs, preparation.unknowns, thorough=thorough))
     return Fitted(scene, preparation.unknowns, tuple(preparation.logs), attempt)
 
 

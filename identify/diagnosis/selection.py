@@ -180,7 +180,7 @@ class _Comparison:
     def run(self) -> bool:
         """Whether the time sufficed."""
         self._report("fitting all that plainly matters", 0.1)
-        self.best = fit_model(self._with(self.kept), self._records)
+        self.best = fit_model(self._with(self.kept), self._records, thorough=True)
         while not time_is_up():
             falls = self._absent() | self._present()
             for effect in sorted(falls, key=falls.__getitem__, reverse=True):

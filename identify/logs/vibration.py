@@ -78,7 +78,8 @@ def _sticks(log: Prepared) -> _Sticks | None:
     c, data, rows = log.segmentation.cycles, log.data, []
     if c.count == 0:
         return None
-    for start, end in zip(np.append(data.begin, c.arrest), np.append(c.onset, data.end), strict=True):
+    # What comes after the last slip may slide.
+    for start, end in zip(np.append(data.begin, c.arrest[:-1]), c.onset, strict=True):
         margin = max(TRIM * (end - start), CLEAR * log.rig.half_period)
         first, last = np.searchsorted(data.time, [max(start + margin, data.begin), min(end - margin, data.end)])
         good = np.flatnonzero(data.weight[first:last] > 0) + first

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +37,14 @@ def test_a_vibration_of_the_drive_is_found_in_the_sticks(vibrating):
     omega, c = 2 * np.pi * 31.0, 147.0 * np.sqrt(0.2 / 1470.0)
     assert line.amplitude == pytest.approx(3e-6 * abs(1470.0 + 1j * omega * c) * np.ones(2), rel=0.1)
     assert np.all(left < 1.1)
+
+
+def test_what_follows_the_last_slip_is_no_stick(vibrating):
+    """A record whose stick-slip ends slides on, and its level may wander."""
+    stated, (record,) = _scene(MAIN, logs=[{"path": "1.csv", "drive_speed": 1e-3}]), drawn(LOGS[1:], seed=3)
+    last = prepared(stated, [record])[0][0].segmentation.cycles.arrest[-3]
+    force = np.where(record.time > last, 0.5 + 0.02 * np.sin(12.0 * record.time), record.friction_force)
+    assert rhythms(prepared(stated, [replace(record, friction_force=force)])[0])[0] == ()
 
 
 def _values(fitted):
