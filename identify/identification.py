@@ -29,7 +29,7 @@ from identify.base.progress import Notice, Progress, noticed_once, to_nobody
 from identify.base.wording import distinct
 from identify.diagnosis.explain import MISFITS, explain, takes_misfit
 from identify.diagnosis.findings import Findings, against_data
-from identify.diagnosis.fitted import Fitted, fit_beside
+from identify.diagnosis.fitted import Fitted, fit_beside, values_of
 from identify.diagnosis.selection import choose_from_data
 from identify.diagnosis.specimens import with_scatter
 from identify.effects import ALL
@@ -90,7 +90,8 @@ class Task:
     ----------
     scene, records: the scene, and the records of its logs as they were read.
     prepared, unknowns: what the estimator takes of them, and the search space.
-    options: how finely, and which further results; starts: where the search starts; seed: of all that is drawn.
+    options: how finely, and which further results; starts: where the search starts, and before that at `known` (n_p,);
+    seed: of all that is drawn.
     """
 
     scene: Scene
@@ -101,6 +102,7 @@ class Task:
     starts: Sources
     seed: int
     progress: Progress
+    known: Array | None = None
 
 
 def fit(
@@ -154,6 +156,8 @@ def fit(
             left -= now() - before
             used = used.with_effects(choice.effects)
         task = _prepared(used, records, asked, starts, seed, report)
+        if choice is not None and choice.ended is not None and choice.ended.attempt is not None:
+            task = replace(task, known=values_of(choice.ended, task.unknowns))
         with within(left), tracing() as trace:
             if choice is not None and choice.unfinished:
                 trace.not_tried.append("comparison of effects")
@@ -264,10 +268,9 @@ def _estimated(task: Task) -> tuple[list[Prepared], Findings]:
     if refused := wrong_unit(prepared):
         return prepared, Findings(Status.MODEL_MISFIT, refused, unknowns)
     with within(SEARCH_SHARE * seconds_left()):
-        explained, progress = partial(takes_misfit, unknowns=unknowns), task.progress
-        attempt, left_out = search(
-            SearchProblem(prepared, unknowns, task.starts, task.seed, explained=explained, progress=progress)
-        )
+        explained = partial(takes_misfit, unknowns=unknowns)
+        problem = SearchProblem(prepared, unknowns, task.starts, task.seed, True, explained, task.known, task.progress)
+        attempt, left_out = search(problem)
     if attempt is not None:
         prepared = with_strengths(prepared, attempt.fitted_logs[0].data.strength_sd)
     with stage("intervals"):

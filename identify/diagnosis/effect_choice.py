@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from identify.base.result import EffectReason, EffectsResult
 from identify.effects import ALL, MAIN
 from identify.scene import Scene
+
+if TYPE_CHECKING:
+    from identify.diagnosis.fitted import Fitted
 
 NORMAL_FORCE = 1.0  # [N], where neither rig nor logs state one
 
@@ -15,11 +19,12 @@ NORMAL_FORCE = 1.0  # [N], where neither rig nor logs state one
 @dataclass(frozen=True)
 class Choice:
     """The effects of a model, in the order of their table, and a reason per effect that was looked at; unfinished: the
-    time was up before the fits had decided all of them."""
+    time was up before the fits had decided all of them; ended: the last of these fits."""
 
     effects: tuple[str, ...]
     reasons: tuple[EffectReason, ...]
     unfinished: bool = False
+    ended: Fitted | None = None
 
 
 def as_listed(

@@ -80,7 +80,8 @@ def choose_from_data(scene: Scene, records: Sequence[Record], progress: Progress
     comparison = _Comparison(with_one_noise(scene, prepared, lines, left), tuple(records), candidates, report)
     finished = comparison.run()
     notes = {} if finished else {e: NO_TIME for e in comparison.tried if e not in comparison.gains}
-    return replace(_choice(comparison.kept, candidates, comparison.gains, notes), unfinished=not finished)
+    choice = _choice(comparison.kept, candidates, comparison.gains, notes)
+    return replace(choice, unfinished=not finished, ended=comparison.best)
 
 
 @dataclass(frozen=True)

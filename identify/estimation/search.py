@@ -42,7 +42,8 @@ class SearchProblem:
     Attributes
     ----------
     prepared, unknowns: logs and search space.
-    sources: starts from the data, from the user's values (unknowns.start), or both.
+    known: a start (n_p,) that is solved before all others; sources of these: the data, the user's values
+        (unknowns.start), or both.
     seed: of the random starts.
     thorough: False solves the first feature start alone, and none that does not fit one cycle.
     explained: whether something that was stated is clearly why an attempt misfits: no further start is tried then.
@@ -54,6 +55,7 @@ class SearchProblem:
     seed: int = 0
     thorough: bool = True
     explained: Callable[[Attempt], bool] = lambda _attempt: False
+    known: Array | None = None
     progress: Progress = to_nobody
 
 
@@ -110,6 +112,8 @@ def _starts(problem: SearchProblem, starting: list[int]) -> Iterator[tuple[str, 
         known, _ = search(replace(problem, prepared=pieces, progress=to_nobody))
         if known is not None:
             yield "pieces first", known.solved.theta
+    if problem.known is not None:
+        yield "comparison of effects", problem.known
     even = alike(chosen)
     problem.progress("finding a start", 0.1)
     cutoff, seed = np.inf if problem.thorough else COST_CUTOFF, problem.seed if even else None
