@@ -301,8 +301,7 @@ def solve_in_passes(
             share = min(-share * turn / change, 1.0) if turn < 0.0 else 1.0
             before, cost = shifts, solution.cost
             at[ends] *= share
-            pairs = zip(problem.layout.places, passed.formed_from, strict=True)
-            trajectories = [place.read(one, at) for place, one in pairs]
+            trajectories = problem.layout.at(at)[1]
         in_order = all(np.all(np.isfinite(one.until)) and np.all(np.diff(one.until) > 0) for one in moved)
         if solution.cost > cost_cutoff or time_is_up() or not in_order:
             return passed
