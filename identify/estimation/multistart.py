@@ -37,7 +37,6 @@ WORSE = 2.0  # times the best fit to a cycle: what is no better is not solved
 SOLVED, AGAIN = 5, 3  # starts that are solved at most; once so many led to the lowest optimum, no more are
 ONE_OPTIMUM = 3.0  # standard errors between two solutions of one optimum
 COST_CUTOFF = 200.0  # cost above that of the answer with which a start is not followed further
-LOWER = 0.1  # by which chi^2 must fall for another optimum to take the place of the answer
 
 
 @dataclass(frozen=True)
@@ -54,8 +53,7 @@ class Optimum:
 
 
 def multistart(attempt: Attempt, unknowns: Unknowns, seed: int, covariance: Array) -> list[Optimum]:
-    """The optima that starts about an answer lead to, the lowest first; the answer is one of them, and the first where
-    none is clearly lower.
+    """The optima that starts about an answer lead to, the lowest first; the answer is one of them.
 
     All are of the very samples of the answer. A start is solved coarsely first, and left where that leads to a known
     optimum, within some standard errors at about its cost, or far above it.
@@ -100,9 +98,7 @@ def multistart(attempt: Attempt, unknowns: Unknowns, seed: int, covariance: Arra
         known[number] = replace(known[number], starts=known[number].starts + 1)
         if min(known, key=lambda optimum: optimum.cost).starts > AGAIN:
             break
-    answer, lowest = known[0], min(known, key=lambda optimum: optimum.cost)
-    preferred = answer if 2.0 * (answer.cost - lowest.cost) < LOWER else lowest
-    return sorted(known, key=lambda optimum: (optimum is not preferred, optimum.cost))
+    return sorted(known, key=lambda optimum: optimum.cost)
 
 
 def _coarse(logs: Sequence[Prepared], motion: Sequence[ShootingTrajectory], unknowns: Unknowns) -> Solution:
