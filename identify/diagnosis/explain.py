@@ -30,7 +30,7 @@ from identify.estimation.covariance import sizes
 from identify.estimation.estimator import Trial, in_time, note, tracing
 from identify.estimation.fit_wording import EXCHANGE, wrong_unit
 from identify.estimation.influence import largest_inflation, noise_of
-from identify.estimation.search import SearchProblem, required_logs, search
+from identify.estimation.search import SearchProblem, search
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns, stated_rig
 from identify.model.model import RIG_PARAMETERS
@@ -48,6 +48,7 @@ ROUNDS = 6  # solves with a quantity moved, each from the step of the one before
 SETTLED = 0.3  # standard errors: a step that is smaller is the last one
 AUTOCORRELATED = 2.0  # samples that count as one: noise that a treatment of the signal may have left
 REFIT = "refit of a cause"
+REQUIRED_CYCLES = 3  # of a log that an answer has to describe
 LISTED, SEEN = 12, 2  # causes in the table; findings of the quality gate that are named
 
 
@@ -328,11 +329,13 @@ def _rows(
 
 def _unexplained(findings: Findings, prepared: Sequence[Prepared]) -> Findings:
     """A misfit that nothing explains that was stated, with what the quality gate saw before the fit."""
-    attempt, seen = findings.attempt, dict[str, str]()
-    missing = [] if attempt is None else [i for i in required_logs(prepared) if i not in attempt.log_numbers]
+    attempt = findings.attempt
+    part, seen = () if attempt is None else attempt.log_numbers, dict[str, str]()
+    able = [(i, log) for i, log in enumerate(prepared) if log.left_out is None and not log.fit_mode.low_snr]
+    missing = [log.name for i, log in able if i not in part and log.typical >= REQUIRED_CYCLES]
     # An attempt that was taken over from another model has the tests of that.
     if missing and attempt is not None and attempt.with_solved(attempt.solved).fits:
-        names = listed([prepared[i].name for i in missing])
+        names = listed(missing)
         message = (
             f"no answer of all logs was found: that of the others does not stick-slip as {names} does, and no "
             f"stated quantity explains it: check the entry of {names} in [[logs]], fit it alone, or {START_VALUES}"

@@ -30,7 +30,6 @@ from identify.logs.unknowns import Unknowns
 
 Array = NDArray[np.float64]
 
-REQUIRED_CYCLES = 3  # of a log that an answer has to describe
 STARTS = 4  # feature starts that are solved at most
 COST_CUTOFF = 8.0  # cost per residual of a start that no solve will save
 
@@ -230,8 +229,3 @@ def _better(best: Attempt | None, attempt: Attempt | None) -> Attempt | None:
 def alike(prepared: Sequence[Prepared]) -> bool:
     """Whether the cycles of these logs resemble each other, so that more starts than one are worth a solve."""
     return not any(log.unlike for log in prepared)
-
-
-def required_logs(prepared: Sequence[Prepared]) -> list[int]:
-    """Numbers of the logs that an answer has to describe: they are not left out, and show enough cycles."""
-    return [i for i in usable(prepared) if prepared[i].typical >= REQUIRED_CYCLES and not prepared[i].fit_mode.low_snr]
