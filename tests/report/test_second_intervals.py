@@ -8,9 +8,10 @@ import pytest
 
 from identify import Scene, examples, fit
 from identify.estimation.covariance import added_by_tolerances, standard_deviations
+from identify.estimation.search import SearchProblem, search
 from identify.identification import find
-from identify.logs.scene_records import with_drives, with_records
-from identify.report.result import _farther
+from identify.logs.scene_records import prepare_scene, with_drives, with_records
+from identify.report.result import _farther, result_of
 from tests.support.fake_fit import RIG
 
 pytestmark = pytest.mark.usefixtures("no_predictions")
@@ -19,12 +20,21 @@ NAMES = ("mu_s", "mu_k0", "D", "t_cr", "delta_mu_k", "a")
 
 
 @pytest.fixture(scope="module")
-def answer():
-    scene = of_logs()
-    prepared, found = find(scene, progress=lambda *_: None)
-    assert found.information is not None and found.attempt is not None
-    values = found.unknowns.values(found.attempt.solved.theta, prepared[0].data.base)
-    return found.information, values
+def found():
+    return find(of_logs(), progress=lambda *_: None)
+
+
+@pytest.fixture(scope="module")
+def answer(found):
+    prepared, findings = found
+    return findings.information, findings.unknowns.values(findings.attempt.solved.theta, prepared[0].data.base)
+
+
+def theta_of(scene, records):
+    """Where a search on these records ends (n_p,), and the base values."""
+    made = prepare_scene(scene, records)
+    attempt, _ = search(SearchProblem(made.logs, made.unknowns, thorough=False))
+    return attempt.solved.theta, made.logs[0].data.base
 
 
 def added(answer, **tolerances):
@@ -43,8 +53,8 @@ def test_an_error_of_the_speed_is_a_change_of_the_unit_of_length(answer):
     scene = of_logs()
     scene, records = with_records(with_drives(scene)[0], None)
     faster = [replace(entry, drive_speed=1.001 * entry.drive_speed) for entry in scene.logs]
-    prepared, found = find(replace(scene, logs=tuple(faster)), records, progress=lambda *_: None)
-    theta = (found.attempt.solved.theta - information.unknowns.theta(values, prepared[0].data.base))[information.free]
+    theta, base = theta_of(replace(scene, logs=tuple(faster)), records)
+    theta = (theta - information.unknowns.theta(values, base))[information.free]
     expected = 1e-3 * information.drive_speed_shift(values)
     size = np.sqrt(np.diag(information.covariance()))
     assert theta / size == pytest.approx(expected / size, abs=0.05 * np.max(np.abs(expected / size)))
@@ -69,9 +79,9 @@ def test_a_zero_of_the_friction_force_shifts_both_coefficients_as_a_fit_of_shift
         replace(r, friction_force=r.friction_force + sign * 0.01 * float(np.median(r.normal_force)))
         for r, sign in zip(records, signs, strict=True)
     ]
-    prepared, found = find(scene, raised, progress=lambda *_: None)
-    moved = found.unknowns.values(found.attempt.solved.theta, prepared[0].data.base) - values
-    shift, names = added(answer, friction_zero=0.01), found.unknowns.names
+    unknowns = answer[0].unknowns
+    moved = unknowns.values(*theta_of(scene, raised)) - values
+    shift, names = added(answer, friction_zero=0.01), unknowns.names
     # The loads vary by 2.6 %, and a zero is a level of the coefficients exactly where they are steady.
     for name, close in (("mu_s", 0.02), ("mu_k0", 0.2)):
         assert shift[name] == pytest.approx(0.01, rel=1e-3)
@@ -90,9 +100,9 @@ def test_specimens_may_differ_where_each_speed_stands_in_one_log():
     assert width["mu_s"][0] > 2 * 1.96 * 0.02 * mu_s.value / np.sqrt(2.0)  # two logs tell the mean of two specimens
 
 
-def test_the_verdict_is_of_the_interval_to_publish():
+def test_the_verdict_is_of_the_interval_to_publish(found):
     """Strength is a difference: what both coefficients share is no error of it, and what only one gain tells is."""
-    result = fit(of_logs("tolerances.friction_zero=0.08")).typed
+    result = result_of(of_logs("tolerances.friction_zero=0.08"), *found, {}, 0)
     entry = result.parameters["mu_k0"]
     low, high = entry.ends
     exact = entry.interval_rig_exact
