@@ -12,7 +12,7 @@ from data_io.record import WINDOW_START, within
 from data_io.values import Finding
 from identify.base.document import Json, to_dict
 from identify.base.outcome import LogCurves, Status
-from identify.base.result import LogResult, QualityFigure, QualityResult
+from identify.base.result import LogResult, QualityResult
 from identify.diagnosis.findings import Findings
 from identify.logs.classical import table_of
 from identify.logs.prepare import Prepared
@@ -133,44 +133,24 @@ def log_result(
 
 
 def _quality(log: Prepared) -> QualityResult:
-    detected, judged, nothing = log.segmentation, log.judgement.result(), (None, None)
-    drop, drop_sd = detected.drop_mean_and_sd or nothing
-    period, period_sd = detected.period_mean_and_sd or nothing
-    figures = {
-        "noise": QualityFigure(float(detected.noise), "N"),
-        "samples_per_slip": QualityFigure(detected.samples_per_slip),
-        "samples_per_cycle": QualityFigure(detected.samples_per_cycle),
-        "masked_samples": QualityFigure(detected.spike_count),
-        "drop": QualityFigure(drop, "N"),
-        "drop_scatter": QualityFigure(drop_sd, "N"),
-        "period": QualityFigure(period, "s"),
-        "period_scatter": QualityFigure(period_sd, "s"),
-        "stick_slope": QualityFigure((detected.stick_slope or nothing)[0], "N/s"),
-    }
+    """The verdict of the quality gate, and what a load that swings or jitters means for the fit."""
+    judged = log.judgement.result()
     findings, verdict = list(judged.findings), judged.verdict
     if log.hidden_swing:
-        findings.append(Finding("load_varies", "warning", load_varies(log)))
         verdict = "accept with warnings" if verdict == "accept" else verdict
+        sentence = (
+            f"the normal force varies by ±{100 * log.hidden_swing:.2g} % beyond its noise, and the fit takes its mean; "
+            'add "varying_normal_force" to effects'
+        )
+        findings.append(Finding("load_varies", "warning", sentence))
     if log.data.onset_jitter_sd > 0.0:
-        findings.append(Finding("load_trembles", "info", load_trembles(log)))
-    return QualityResult(verdict, tuple(findings), {**judged.figures, **figures})
-
-
-def load_varies(log: Prepared) -> str:
-    """What to do where the normal force swings and the fit takes its mean."""
-    return (
-        f"the normal force varies by ±{100 * log.hidden_swing:.2g} % beyond its noise, and the fit takes its mean; "
-        'add "varying_normal_force" to effects'
-    )
-
-
-def load_trembles(log: Prepared) -> str:
-    """How a normal force that jitters counts in the fit, and what would help."""
-    return (
-        f"the normal force jitters by {1e3 * log.data.onset_jitter_sd:.2g} mN (standard deviation): at the onset of a "
-        "slip it is counted as unknown; for narrower intervals drive faster, measure the normal force with less noise, "
-        "or cut the log to where the load is steadier (window)"
-    )
+        sentence = (
+            f"the normal force jitters by {1e3 * log.data.onset_jitter_sd:.2g} mN (standard deviation): at the onset "
+            "of a slip it is counted as unknown; for narrower intervals drive faster, measure the normal force with "
+            "less noise, or cut the log to where the load is steadier (window)"
+        )
+        findings.append(Finding("load_trembles", "info", sentence))
+    return replace(judged, verdict=verdict, findings=tuple(findings))
 
 
 def fitted_curves(

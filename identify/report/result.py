@@ -44,7 +44,7 @@ from identify.logs.scene_records import parts_of
 from identify.logs.unknowns import Unknowns, stated_rig
 from identify.model.model import RIG_PARAMETERS
 from identify.prediction.wording import listed
-from identify.report.log_document import answers_of_logs, load_varies, log_result
+from identify.report.log_document import answers_of_logs, log_result
 from identify.scene import Scene
 from identify.scene.values import USUAL_TOLERANCES
 from identify.shooting.accuracy import FEWEST_STEPS, FitOptions, accuracy_costs, effect_shares
@@ -196,7 +196,6 @@ def _notes(scene: Scene, prepared: list[Prepared], findings: Findings) -> Iterat
             )
     doubts = [(log.entry.path.name, f.message) for log in prepared for f in log.record.findings if f.code == DISAGREES]
     yield from (f"{name}: {message}." for name, message in dict.fromkeys(doubts))
-    yield from (f"{log.name}: {load_varies(log)}." for log in prepared if log.hidden_swing)
     yield from _events(prepared, findings)
     yield from () if findings.estimated is None else findings.estimated.notes
     for index, reason in sorted(findings.left_out.items()):
