@@ -165,22 +165,16 @@ def test_the_unit_settles_it_and_sound_bare_numbers_stand(tmp_path):
     assert Scene.from_document(Scene.from_toml(path).as_document()).rig.drive_speed == 0.1, "a stored scene is bare"
 
 
-def test_a_scene_is_taken_as_it_is_by_its_path_and_from_its_tables(tmp_path):
-    (tmp_path / "good.toml").write_text(GOOD)
-    scene = Scene.from_toml(tmp_path / "good.toml")
-    assert Scene.of(scene) is scene
-    assert Scene.of(str(tmp_path / "good.toml")) == scene == Scene.of(tmp_path / "good.toml")
+def test_a_scene_is_taken_as_it_is_by_its_path_and_from_its_tables(scene_file):
+    path = scene_file(GOOD)
+    scene = Scene.from_toml(path)
+    assert Scene.of(scene) is scene and Scene.of(str(path)) == scene == Scene.of(path)
     assert Scene.of(scene.as_document()).rig == scene.rig
 
 
 def test_static_friction_may_be_no_higher_than_kinetic_and_then_nothing_slips():
     start = {"mu_s": 0.4, "mu_k0": 0.4, "delta_mu_k": 0.0, "a": 250.0, "D": 6e-5, "t_cr": 0.4}
-    document = {
-        "effects": ["inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening"],
-        "rig": {"mass": 0.2, "stiffness": 1470.0, "damping": 147.0, "drive_speed": 5e-4, "normal_force": 2.0},
-        "parameters": {name: {"start": value} for name, value in start.items()},
-    }
-    motion = simulate(Scene.from_document(document), 3.0)
+    motion = simulate(scene({"normal_force": "2 N"}, parameters={name: {"start": v} for name, v in start.items()}), 3.0)
     assert motion.sample([2.0, 2.9])["force"] == pytest.approx([0.8, 0.8], rel=1e-3)
 
 
