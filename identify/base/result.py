@@ -111,16 +111,12 @@ class GateResult:
 
 @dataclass(frozen=True)
 class FitFigures:
-    """How large the fit is and how it went; discretisation: error of the steps by parameter, in standard errors."""
+    """How large the fit is and how it went."""
 
     samples: int | None = None
     cycles: int | None = None
     iterations: int | None = None
-    passes: int | None = None
-    unknowns: int | None = None
     rms_N: float | None = None
-    steps: int | None = None
-    discretisation: Mapping[str, float | None] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

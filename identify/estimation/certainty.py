@@ -69,7 +69,6 @@ class Certainty:
     refused: status and sentence where it is no answer after all, though it fits.
     profiles, bootstrap: None where not run.
     optima: those that were found, the answer first; empty where none were sought.
-    discretisation: error of the integration steps by parameter, in standard errors.
     shares: groups with parameters of their own; of_groups: the estimates beyond the first group's.
     """
 
@@ -83,7 +82,6 @@ class Certainty:
     profiles: Profiles | None = None
     bootstrap: Bootstrap | None = None
     optima: Sequence[Optimum] = ()
-    discretisation: Mapping[str, float] = field(default_factory=dict)
     shares: list[Share] = field(default_factory=list)
     of_groups: list[tuple[Share, Estimate]] = field(default_factory=list)
 
@@ -119,7 +117,7 @@ class Question:
 
 def certainty(attempt: Attempt, q: Question) -> Certainty | None:
     """All that is said of how sure an answer is; None where the model has no derivatives there."""
-    attempt, known, discretisation = fine_enough(attempt, q.unknowns, q.options)
+    attempt, known = fine_enough(attempt, q.unknowns, q.options)
     if not known.known:
         return None
     optima, profiles, refused = list[Optimum](), None, None
@@ -147,8 +145,7 @@ def certainty(attempt: Attempt, q: Question) -> Certainty | None:
             message = contradiction(here.attempt, q.unknowns, q.base, here.allowed.noise)
             refused = (Status.MODEL_MISFIT, message) if message else None
     shares, of_groups = _groups(here, q)
-    here = replace(here, refused=refused, profiles=profiles, optima=optima)
-    here = replace(here, discretisation=discretisation, shares=shares, of_groups=of_groups)
+    here = replace(here, refused=refused, profiles=profiles, optima=optima, shares=shares, of_groups=of_groups)
     if refused is not None or not here.attempt.fits:
         return here
     here = replace(here, estimates=_without_late(here, q))
@@ -291,11 +288,8 @@ def _restarted(here: Certainty, profiles: Profiles, q: Question) -> tuple[Certai
     return replace(here, attempt=moved), (Status.BETTER_START_FOUND, message)
 
 
-def fine_enough(
-    attempt: Attempt, unknowns: Unknowns, options: FitOptions
-) -> tuple[Attempt, Information, dict[str, float]]:
-    """The answer, converged, with steps so fine that their error is a small part of each standard error, and that part
-    by name."""
+def fine_enough(attempt: Attempt, unknowns: Unknowns, options: FitOptions) -> tuple[Attempt, Information]:
+    """The answer, converged, with steps so fine that their error is a small part of each standard error."""
     level, known = options.accuracy, information_at(attempt.solved, unknowns)
     if attempt.fits and known.known:
         # The solver stops where going on along a sloppy direction gains next to nothing.
@@ -305,14 +299,11 @@ def fine_enough(
             moved = np.abs(solved.theta - attempt.solved.theta)[unknowns.free] / errors
             attempt = settled
             known = known if np.max(moved, initial=0.0) < 0.05 else information_at(solved, unknowns)
-    shares: dict[str, float] = {}
     for _ in range(1 + level.refinements):
         if not attempt.fits or not known.known:
             break
         errors = np.sqrt(np.diag(known.covariance()))
-        free = np.flatnonzero(unknowns.free).tolist()
         error = np.nan_to_num(attempt.solved.discretisation_error / errors).tolist()
-        shares = {unknowns.names[i]: share for i, share in zip(free, error, strict=True)}
         finer = 2 * attempt.solved.grid.steps
         if max(map(abs, error), default=0.0) <= level.share or finer > level.most:
             break
@@ -328,7 +319,7 @@ def fine_enough(
         if again is None or again.gate.status is Status.SOLVER_FAILED:
             break  # no reason to give up the answer: what its steps cost is told
         attempt, known = again, information_at(again.solved, unknowns)
-    return attempt, known, shares
+    return attempt, known
 
 
 def active_event_bound(solved: Solved, names: Sequence[str]) -> str | None:

@@ -84,7 +84,7 @@ def result_of(
     shares = {name: each.relative for name, each in tolerances.items()}
     errors = _by_errors(findings, shares) if shares and findings.covariance is not None else {}
     answers = answers_of_logs(prepared, findings, errors.get(ALL, 0.0))
-    gate, figures = (None, None) if findings.attempt is None else _gate_and_fit(findings.attempt, findings.sure)
+    gate, figures = (None, None) if findings.attempt is None else _gate_and_fit(findings.attempt)
     result = Result(
         status=findings.status.value,
         message=_message(prepared, findings),
@@ -299,7 +299,7 @@ def _correlation(findings: Findings, added: Array | float) -> schema.Correlation
     return schema.Correlation(tuple(names), matrix, tuple(map(finite, (size * sd).tolist())))
 
 
-def _gate_and_fit(attempt: Attempt, sure: Certainty | None) -> tuple[schema.GateResult, schema.FitFigures]:
+def _gate_and_fit(attempt: Attempt) -> tuple[schema.GateResult, schema.FitFigures]:
     """How well an attempt follows the logs, and how large it is."""
     gate, solved, worst = attempt.gate, attempt.solved, None
     if (at := gate.worst) >= 0:
@@ -314,11 +314,7 @@ def _gate_and_fit(attempt: Attempt, sure: Certainty | None) -> tuple[schema.Gate
         samples=solved.problem.samples,
         cycles=int(sum(trajectory.arrests for trajectory in solved.trajectories)),
         iterations=solved.iterations,
-        passes=solved.passes,
-        unknowns=solved.problem.layout.size,
         rms_N=math.sqrt(squares / max(solved.problem.samples, 1)),
-        steps=solved.grid.steps,
-        discretisation={} if sure is None else dict(sure.discretisation),
     )
     return schema.GateResult(finite(float(gate.chi2_per_sample)), worst, gate.solver, shift, scatter), figures
 
