@@ -47,23 +47,13 @@ class Change:
 
 
 @dataclass(frozen=True)
-class Cut:
-    """A stretch [start, stop] [s] that does not count, or from which a zero was taken ("tare"), and why."""
-
-    kind: str
-    start: float
-    stop: float
-
-
-@dataclass(frozen=True)
 class Corrected:
     """record: with corrected forces; the raw ones stand in its channels `RAW`, if a force was changed. used (n,): rows
-    that count. changes, cuts: the account. What is doubtful about it stands among the findings of the record."""
+    that count. changes: the account. What is doubtful about it stands among the findings of the record."""
 
     record: Record
     used: npt.NDArray[np.bool_]
     changes: tuple[Change, ...]
-    cuts: tuple[Cut, ...]
 
 
 def correct(record: Record, given: Corrections) -> Corrected:
@@ -94,15 +84,12 @@ def correct(record: Record, given: Corrections) -> Corrected:
         changes.append(Change("tilt", text, given.tilt, "rad"))
     time, end = record.time, float(record.time[-1])
     used = np.ones(time.size, dtype=bool)
-    cuts = [Cut("tare", *tare) for tare in (given.normal_tare, given.tare) if isinstance(tare, tuple)]
     if given.window is not None:
         start, stop = given.window
         used &= (time >= start) & (time <= stop)
-        cuts += [Cut("window", a, b) for a, b in ((0.0, min(start, end)), (max(stop, 0.0), end)) if b > a]
         changes.append(Change("window", f"only {start:g} to {stop:g} s of {end:.6g} s used, as given"))
     for start, stop in given.exclude:
         used &= (time < start) | (time > stop)
-        cuts.append(Cut("exclude", start, stop))
         changes.append(Change("exclude", f"{start:g} to {stop:g} s left out, as given"))
     new = {"friction_force": friction, "normal_force": normal}
     raw = {RAW[role]: own for role, values in new.items() if values is not (own := getattr(record, role))}
@@ -118,7 +105,7 @@ def correct(record: Record, given: Corrections) -> Corrected:
             findings=(*record.findings, *doubts),
         )
     )
-    return Corrected(corrected, used, tuple(changes), tuple(cuts))
+    return Corrected(corrected, used, tuple(changes))
 
 
 def _zero(record: Record, values: FloatArray, tare: float | Span, which: str) -> tuple[Change, list[Finding]]:

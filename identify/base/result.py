@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from data_io.correct import Change, Cut
+from data_io.correct import Change
 from data_io.values import Finding
 from identify.base.document import FURTHER, OMITTED, Json, from_document, to_dict
 from identify.base.outcome import Status
@@ -183,7 +183,6 @@ class LogResult:
     classical: ClassicalTable = field(default_factory=ClassicalTable)
     quality: QualityResult = field(default_factory=QualityResult)
     corrections: tuple[Change, ...] = ()
-    cuts: tuple[Cut, ...] = ()
     derived: Mapping[str, Json] = field(default_factory=dict)
 
     @property

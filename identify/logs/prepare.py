@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from data_io import LogError, Record
 from data_io.arrays import kept, shown, thinned, thinned_steps
-from data_io.correct import Change, Corrected, Corrections, Cut, correct
+from data_io.correct import Change, Corrected, Corrections, correct
 from data_io.quality import mean_and_drift
 from data_io.record import zero_of_times
 from identify.base.errors import FitError
@@ -372,11 +372,9 @@ def _loading_start(record: ForceRecord, begin: float, onset: float) -> float:
 
 @dataclass(frozen=True)
 class RecordEdits:
-    """What was cut and corrected, line by line, and the stretches of the record that this left out; raw: the record as
-    it was read."""
+    """What was cut and corrected, line by line; raw: the record as it was read."""
 
     changes: tuple[Change, ...]
-    cuts: tuple[Cut, ...]
     raw: Record
 
 
@@ -534,19 +532,18 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
 
 def _account(raw: Record, log: Segmented, begin: float) -> RecordEdits:
     """What was cut and corrected of a log; begin: where the fit begins [s]."""
-    changes, cuts, first = list(log.corrected.changes), list(log.corrected.cuts), float(log.time[0])
+    changes = list(log.corrected.changes)
     if log.sign < 0:
         why = "as given" if log.entry.flip_sign is not None else "it slides with a negative force"
         changes.append(Change("flip_sign", f"the friction force was turned over: {why}"))
-    if begin > first:
+    if begin > float(log.time[0]):
         skip = log.entry.skip_cycles
         kind, text = "lead", f"the fit begins at {begin:.4g} s, where the first straight line of a stick does"
         if skip:
             cycles = "cycle" if skip == 1 else f"{skip} cycles"
             kind, text = "skip_cycles", f"the first {cycles} left out as given: the fit begins at {begin:.4g} s"
         changes.append(Change(kind, text, begin, "s"))
-        cuts.append(Cut(kind, first, begin))
-    return RecordEdits(tuple(changes), tuple(cuts), raw)
+    return RecordEdits(tuple(changes), raw)
 
 
 def _load(

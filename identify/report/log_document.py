@@ -127,7 +127,6 @@ def log_result(
         classical=table_of(record, seen, log.rig.stiffness),
         quality=_quality(log),
         corrections=log.account.changes,
-        cuts=log.account.cuts,
         derived=answer,
     )
 
