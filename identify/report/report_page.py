@@ -31,13 +31,15 @@ SCOPED = "stickslip"  # class of the element that the styles of the fragment are
 
 def templates(*packages: str) -> Environment:
     """The templates of these packages (default: of the report); of two with one name that of the first."""
-    return Environment(
+    environment = Environment(
         loader=ChoiceLoader([PackageLoader(package, "templates") for package in packages or ("identify.report",)]),
         autoescape=True,
         trim_blocks=True,
         lstrip_blocks=True,
         undefined=StrictUndefined,
     )
+    environment.filters["symbols"] = wording.with_symbols
+    return environment
 
 
 def first_screen(result: Result) -> str:

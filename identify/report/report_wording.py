@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 
 from identify.base.outcome import Status
@@ -95,6 +96,11 @@ def plain_symbol(name: str) -> str:
     if name in PLAIN_SYMBOLS or name not in DECLARED:
         return PLAIN_SYMBOLS.get(name, name.replace("_", " "))
     return DECLARED[name].symbol
+
+
+def with_symbols(text: str) -> str:
+    """A sentence with the symbols of the coefficients in place of their names."""
+    return re.sub(r"\b(mu_s|mu_k0|delta_mu_k)\b", lambda match: plain_symbol(match[0]), text)
 
 
 def with_group(name: str, group: str) -> str:
