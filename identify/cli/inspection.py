@@ -14,7 +14,7 @@ from data_io.quality import percent
 from data_io.record import WINDOW_START
 from identify.base.document import Json, to_dict, to_document
 from identify.base.result import ClassicalTable
-from identify.base.wording import DASH, columns, number, programme_text, quantity, split_key, wrapped
+from identify.base.wording import DASH, columns, number, programme_text, quantity, scale_for, split_key, wrapped
 from identify.logs.classical import table_of
 from identify.logs.judgement import Judgement, RecordPart, judge
 from identify.logs.recorded_drive import NOT_STATED, RecordedDrive, drive_of, recorded_drive
@@ -201,7 +201,9 @@ def _classical_lines(table: ClassicalTable) -> Iterator[str]:
 def _cell(value: Json, sd: Json, unit: str) -> str:
     if not isinstance(value, int | float):
         return DASH
-    return quantity(value, unit, 3) + (f" ± {quantity(sd, unit, 2)}" if isinstance(sd, int | float) and sd else "")
+    scale = scale_for(value, unit)
+    scatter = f" ± {number(sd / scale.factor, 2)}" if isinstance(sd, int | float) and sd else ""
+    return f"{number(value / scale.factor, 3)}{scatter}{' ' * (scale.unit not in ('', '%'))}{scale.unit}"
 
 
 def overview(logs: Sequence[tuple[str, Inspection | None]]) -> str:
@@ -283,7 +285,7 @@ def draw(logs: Sequence[Inspection], path: Path) -> list[Path]:
     from data_io.atomic import atomic_path
     from identify.base.outcome import LogCurves
     from identify.report.figures import draw_force
-    from identify.report.style import drawing_style, printable
+    from identify.report.style import drawing_style
 
     files = [path if len(logs) == 1 else path.with_stem(f"{path.stem}_{i}") for i in range(1, len(logs) + 1)]
     for place, (item, file) in enumerate(zip(logs, files, strict=True), 1):
@@ -297,7 +299,5 @@ def draw(logs: Sequence[Inspection], path: Path) -> list[Path]:
         with drawing_style(), atomic_path(file) as temporary:
             figure = draw_force(curves, place, True).figure
             assert figure is not None
-            name = printable(Path(item.path).name).replace("$", r"\$")
-            figure.suptitle(f"{name} · {item.judgement.verdict}", x=0.98, ha="right", fontsize=8)
             figure.savefig(temporary, format=file.suffix[1:], dpi=130)
     return files
