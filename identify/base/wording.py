@@ -197,8 +197,7 @@ def quantity(value: float | None, unit: str, digits: int = 4) -> str:
     if value is None:
         return DASH
     scale = scale_for(value, unit)
-    space = "" if scale.unit in ("", "%") else "\N{NO-BREAK SPACE}"
-    return f"{number(value / scale.factor, digits)}{space}{scale.unit}"
+    return f"{number(value / scale.factor, digits)}\N{NO-BREAK SPACE}{scale.unit}".removesuffix("\N{NO-BREAK SPACE}")
 
 
 def split_key(key: str) -> tuple[str, str]:

@@ -203,7 +203,7 @@ def _cell(value: Json, sd: Json, unit: str) -> str:
         return DASH
     scale = scale_for(value, unit)
     scatter = f" ± {number(sd / scale.factor, 2)}" if isinstance(sd, int | float) and sd else ""
-    return f"{number(value / scale.factor, 3)}{scatter}{' ' * (scale.unit not in ('', '%'))}{scale.unit}"
+    return f"{number(value / scale.factor, 3)}{scatter} {scale.unit}".rstrip()
 
 
 def overview(logs: Sequence[tuple[str, Inspection | None]]) -> str:
