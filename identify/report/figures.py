@@ -19,28 +19,9 @@ from identify.base.outcome import CYCLE_COLUMNS, LogCurves
 from identify.base.quantiles import LEVEL, chi_square
 from identify.base.result import ParameterResult
 from identify.base.wording import DASH, decimals, number, quantity, scale_for
+from identify.report import style
 from identify.report.report_wording import plain_symbol, with_group
-from identify.report.style import (
-    ARREST,
-    BEHIND,
-    FITTED,
-    HALF,
-    MEASURED,
-    ONSET,
-    QUIET,
-    RESIDUAL,
-    SHADE,
-    SLIDING,
-    WIDE,
-    Columns,
-    Drawing,
-    drawing_style,
-    extremes,
-    frame,
-    padded,
-    printable,
-    svg_text,
-)
+from identify.report.style import Columns, Drawing, extremes, frame, padded
 
 if TYPE_CHECKING:
     from identify.estimation.preview import Preview
@@ -61,10 +42,10 @@ DIVERGING = "PuOr"  # told apart by colour-blind readers
 
 def pictures(fit: Fit) -> Iterator[Drawing]:
     """Every figure of the fit with its SVG, drawn one after the other so that only one is held open."""
-    with drawing_style():
+    with style.drawing_style():
         for drawing in _drawings(fit):
             assert drawing.figure is not None
-            yield replace(drawing, svg=svg_text(drawing.figure), figure=None)
+            yield replace(drawing, svg=style.svg_text(drawing.figure), figure=None)
 
 
 def _drawings(fit: Fit) -> Iterator[Drawing]:
@@ -98,7 +79,7 @@ def draw_force(curves: LogCurves, position: int, accepted: bool) -> Drawing:
     spans = [slice(None)] if near == slice(None) else [slice(None), near]
     heights = [3.0, 1.15, 0.75] if fitted else [3.0, 0.75]
     height = 0.78 + 0.72 * sum(heights)
-    figure = NotebookFigure(figsize=(WIDE, height))
+    figure = NotebookFigure(figsize=(style.WIDE, height))
     edges = {"left": 0.062, "right": 0.98, "top": 1 - 0.32 / height, "bottom": 0.46 / height}
     ratios = {"height_ratios": heights, "width_ratios": [2.1, 1][: len(spans)]}
     grid = figure.add_gridspec(len(heights), len(spans), **ratios, **edges, hspace=0.14, wspace=0.115)
@@ -152,21 +133,22 @@ def _force_column(
     low, high = float(time[0]), float(time[-1])
     if "raw" in shown:
         _line(force, time, shown["raw"], RAW_COLOUR, 0.8, "as read")
-    _line(force, time, shown["measured"], BEHIND if fitted else MEASURED, 2.4 if fitted else 0.9, "measured")
+    colour, width = (style.BEHIND, 2.4) if fitted else (style.MEASURED, 0.9)
+    _line(force, time, shown["measured"], colour, width, "measured")
     if fitted:
-        _line(force, time, shown["fitted"], FITTED, 0.9, "fitted" if accepted else "last iterate (not accepted)")
+        _line(force, time, shown["fitted"], style.FITTED, 0.9, "fitted" if accepted else "last iterate (not accepted)")
         residual, noise = 1e3 * shown["residual"], 1e3 * curves.noise if np.isfinite(curves.noise) else 0.0
-        _line(axes[1], time, residual, RESIDUAL, 0.6)
+        _line(axes[1], time, residual, style.RESIDUAL, 0.6)
         for level, label in ((-2 * noise, ""), (2 * noise, "± 2 SD of the noise")) if noise else ():
-            axes[1].axhline(level, color=MEASURED, linewidth=0.9, linestyle=(0, (4, 2)), zorder=3, label=label)
+            axes[1].axhline(level, color=style.MEASURED, linewidth=0.9, linestyle=(0, (4, 2)), zorder=3, label=label)
         limit = 1.1 * max(float(np.nanmax(np.abs(residual), initial=0.0)), 3 * noise, 1e-9)
         axes[1].set_ylim(-limit, limit)
         frame(axes[1], "", "residual (mN)" if whole else "")
-    _line(normal, time, shown["normal"], QUIET, 0.6)
+    _line(normal, time, shown["normal"], style.QUIET, 0.6)
     levels = [shown[name] for name in ("measured", "raw") if name in shown]
     padded(force, np.concatenate(levels), above=0.16 if len(levels) == 1 else 0.26)
     padded(normal, shown["normal"], 0.3)
-    for column, marker, colour, label in ((0, "v", ONSET, "onset"), (1, "^", ARREST, "arrest")):
+    for column, marker, colour, label in ((0, "v", style.ONSET, "onset"), (1, "^", style.ARREST, "arrest")):
         when, force_then = curves.cycles[:, column], curves.cycles[:, column + 2]
         inside = np.flatnonzero((when >= low) & (when <= high) & np.isfinite(force_then))
         if len(inside):  # too many for the picture: an even choice with every extreme
@@ -195,7 +177,7 @@ def draw_preview(preview: Preview) -> Figure:
     """One row per log with its detected cycles and the start trajectory: all of it, and a few cycles close up; at most
     12 logs."""
     logs = preview.logs[:MOST_LOGS]
-    figure = Figure(figsize=(WIDE, 0.7 + 2.1 * len(logs)), layout="constrained")
+    figure = Figure(figsize=(style.WIDE, 0.7 + 2.1 * len(logs)), layout="constrained")
     source = f"Nothing is fitted yet. The start: {preview.source}."
     figure.suptitle(source, fontsize=9, weight="bold", x=0.008, ha="left")
     grid = figure.subplots(len(logs), 2, squeeze=False, width_ratios=[1.7, 1])
@@ -203,15 +185,15 @@ def draw_preview(preview: Preview) -> Figure:
         measured = np.where(log.used, log.force, np.nan)
         for axes, part in zip(row, (slice(None), _close_up(log.time, log.onset)), strict=True):
             time = log.time[part]
-            _line(axes, time, measured[part], BEHIND, 0.9, "measured")
-            _line(axes, time, log.trajectory[part], FITTED, 0.9, "start trajectory")
+            _line(axes, time, measured[part], style.BEHIND, 0.9, "measured")
+            _line(axes, time, log.trajectory[part], style.FITTED, 0.9, "start trajectory")
             padded(axes, measured[part], 0.15)
-            for name, moments, colour in (("onset", log.onset, ONSET), ("arrest", log.arrest, ARREST)):
+            for name, moments, colour in (("onset", log.onset, style.ONSET), ("arrest", log.arrest, style.ARREST)):
                 inside = moments[(moments >= time[0]) & (moments <= time[-1])]
                 foot = np.full(inside.size, axes.get_ylim()[0])
                 axes.plot(inside, foot, "|", color=colour, markersize=9, label=name)
             axes.set_xlim(time[0], time[-1])
-        row[0].set_title(f"{printable(log.name)} · {quantity(log.drive_speed, 'm/s')} · {log.text}")
+        row[0].set_title(f"{style.printable(log.name)} · {quantity(log.drive_speed, 'm/s')} · {log.text}")
         row[0].set_ylabel("force (N)")
     for axes in grid[-1]:
         axes.set_xlabel("time (s)")
@@ -232,10 +214,10 @@ def draw_cycles(curves: LogCurves, position: int, accepted: bool = True) -> Draw
     """
     onset, _, peak, valley, misfit = curves.cycles.T
     count, scored, period = len(onset), bool(np.isfinite(misfit).any()), np.append(np.diff(onset), np.nan)
-    panels = [(peak, "N", "onset force", ONSET), (peak - valley, "N", "drop", ARREST), (period, "s", "period", SLIDING)]
-    panels += [(misfit, "", "misfit z", FITTED)] if scored else []
+    panels = [(peak, "N", "onset force", style.ONSET), (peak - valley, "N", "drop", style.ARREST)]
+    panels += [(period, "s", "period", style.SLIDING), (misfit, "", "misfit z", style.FITTED)]
     panels = [panel for panel in panels if np.isfinite(panel[0]).any()]
-    figure = Figure(figsize=(WIDE, 2.0))
+    figure = Figure(figsize=(style.WIDE, 2.0))
     grid = figure.add_gridspec(1, len(panels), left=0.045, right=0.992, top=0.86, bottom=0.215, wspace=0.24)
     for column, (values, unit, name, colour) in enumerate(panels):
         axes, finite = figure.add_subplot(grid[0, column]), values[np.isfinite(values)]
@@ -243,17 +225,17 @@ def draw_cycles(curves: LogCurves, position: int, accepted: bool = True) -> Draw
         mean, spread = finite.mean() / scale.factor, finite.std(ddof=min(1, len(finite) - 1)) / scale.factor
         kept = extremes(values, MOST_POINTS // 2)
         axes.set_xlim(0, count + 1)
-        axes.axhline(mean if unit else 0.0, color=QUIET, linewidth=0.8)
+        axes.axhline(mean if unit else 0.0, color=style.QUIET, linewidth=0.8)
         axes.plot(kept + 1, values[kept] / scale.factor, "o", color=colour, markersize=3.2, alpha=0.9)
         least = 0.02 * abs(mean) if unit else 0.0  # scatter far below the level is shown as small, not blown up
         reach = max(least, spread), finite.min() / scale.factor, finite.max() / scale.factor
         padded(axes, np.array([mean - reach[0], mean + reach[0], *reach[1:]]))
         if unit:
-            axes.axhspan(mean - spread, mean + spread, color=SHADE, linewidth=0)
+            axes.axhspan(mean - spread, mean + spread, color=style.SHADE, linewidth=0)
         frame(axes, "cycle", "", f"{name} ({scale.unit or '1'})")
         if unit and mean:
             note = f"SD {number(100 * spread / abs(mean), 2)} %"
-            axes.set_title(note, loc="right", fontweight="normal", color=QUIET, y=1.0, pad=5)
+            axes.set_title(note, loc="right", fontweight="normal", color=style.QUIET, y=1.0, pad=5)
         axes.locator_params(axis="y", nbins=4)
         axes.locator_params(axis="x", nbins=6, integer=True)
     what = "of the motion as fitted" if accepted and scored else "as measured"
@@ -276,21 +258,21 @@ def draw_uneven(cycles: schema.UnevenCycles, curve: schema.StrengthCurve | None)
     names = ("cycle", "onset_s", "rest_s", "onset", "drop", "strength", "level")
     column = {name: np.array(getattr(cycles, name), dtype=np.float64) for name in names}
     time, onset, lowest = column["onset_s"], column["onset"], column["onset"] - column["drop"]
-    figure = Figure(figsize=(WIDE, 3.0))
+    figure = Figure(figsize=(style.WIDE, 3.0))
     grid = figure.add_gridspec(1, 2, width_ratios=(1.9, 1.0), left=0.06, right=0.992, top=0.9, bottom=0.16, wspace=0.18)
     along, against = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[0, 1])
-    along.vlines(time, lowest, onset, color=BEHIND, linewidth=0.8)
-    along.plot(time, onset, "o", color=ONSET, markersize=3.4, label="onset")
-    along.plot(time, lowest, "o", color=ARREST, markersize=2.6, label="arrest")
-    along.plot(time, column["level"], color=FITTED, linewidth=1.1, label="slow level")
+    along.vlines(time, lowest, onset, color=style.BEHIND, linewidth=0.8)
+    along.plot(time, onset, "o", color=style.ONSET, markersize=3.4, label="onset")
+    along.plot(time, lowest, "o", color=style.ARREST, markersize=2.6, label="arrest")
+    along.plot(time, column["level"], color=style.FITTED, linewidth=1.1, label="slow level")
     padded(along, np.append(onset, lowest), above=0.12)
     along.legend(loc="upper left", ncols=4)
     frame(along, "time (s)", "", "friction over load")
     if curve is not None:
-        against.fill_between(curve.rest_s, curve.lower, curve.upper, color=SHADE, linewidth=0)
-        against.plot(curve.rest_s, curve.strength, color=FITTED, label="usual strength, 95 % band")
+        against.fill_between(curve.rest_s, curve.lower, curve.upper, color=style.SHADE, linewidth=0)
+        against.plot(curve.rest_s, curve.strength, color=style.FITTED, label="usual strength, 95 % band")
         against.legend(loc="upper right")
-    against.plot(column["rest_s"], column["strength"], "o", color=ONSET, markersize=3.2)
+    against.plot(column["rest_s"], column["strength"], "o", color=style.ONSET, markersize=3.2)
     against.margins(y=0.12)
     against.set_ylim(bottom=0.0)
     against.set_xlim(left=0.0)
@@ -335,7 +317,7 @@ def correlation_cells(axes: Axes, names: Sequence[str], matrix: Array) -> QuadMe
 def draw_correlation(names: Sequence[str], matrix: Array) -> Drawing:
     """Heat map of the matrix (p, p) with the figures in its cells; NaN cells stay empty."""
     count = len(names)
-    figure = Figure(figsize=(HALF, 0.86 * max(2.6, min(HALF, 1.3 + 0.58 * count))), layout="constrained")
+    figure = Figure(figsize=(style.HALF, 0.86 * max(2.6, min(style.HALF, 1.3 + 0.58 * count))), layout="constrained")
     axes = figure.add_subplot()
     axes.set_title("correlation (1)")
     image = correlation_cells(axes, names, matrix)
@@ -360,13 +342,13 @@ def profile_curve(axes: Axes, curve: schema.ProfileCurve, entry: ParameterResult
     scale = scale_for(entry.value, entry.unit)
     x, loss = np.array(curve.values, float) / scale.factor, np.array(curve.loss, float)
     low, high = (None if end is None else end / scale.factor for end in curve.interval)
-    axes.axvspan(low if low is not None else x[0], high if high is not None else x[-1], color=SHADE, linewidth=0)
+    axes.axvspan(low if low is not None else x[0], high if high is not None else x[-1], color=style.SHADE, linewidth=0)
     fine, best = np.linspace(x[0], x[-1], 101), float(x[int(np.argmin(loss))])
     away = np.log(fine / best) if curve.logarithmic else (fine - best) * scale.factor
     parabola = (away / (curve.standard_error or np.nan)) ** 2
-    axes.plot(fine, parabola, color=QUIET, linewidth=0.9, linestyle="--", label="from the covariance")
-    axes.plot(x, loss, "o-", color=FITTED, markersize=3, label="profile")
-    axes.axhline(limit, color=MEASURED, linewidth=0.7)
+    axes.plot(fine, parabola, color=style.QUIET, linewidth=0.9, linestyle="--", label="from the covariance")
+    axes.plot(x, loss, "o-", color=style.FITTED, markersize=3, label="profile")
+    axes.axhline(limit, color=style.MEASURED, linewidth=0.7)
     axes.set_ylim(0.0, TOP * limit)
     axes.xaxis.set_major_locator(MaxNLocator(4))
     return f" ({scale.unit})" if scale.unit else ""
@@ -376,7 +358,7 @@ def draw_profiles(profile: schema.ProfileResult, parameters: Mapping[str, Parame
     """One panel per profile that has enough points to be a curve, of which there must be one."""
     curves = {name: curve for name, curve in profile.parameters.items() if len(curve.values) >= FEWEST_POINTS}
     rows = -(-len(curves) // PANELS)
-    figure = Figure(figsize=(WIDE, 0.5 + 1.75 * rows), layout="constrained")
+    figure = Figure(figsize=(style.WIDE, 0.5 + 1.75 * rows), layout="constrained")
     tables: dict[str, Columns] = {}
     for place, (name, curve) in enumerate(curves.items()):
         axes, entry = figure.add_subplot(rows, PANELS, place + 1), parameters.get(name) or ParameterResult(None)
@@ -406,10 +388,10 @@ def draw_optima(optima: Sequence[schema.OptimumResult], limit: float) -> Drawing
     ordered = sorted(optima, key=lambda optimum: optimum.cost)
     rise = np.repeat([o.cost - ordered[0].cost for o in ordered], [o.starts for o in ordered])
     starts = np.arange(1.0, rise.size + 1.0)
-    figure = Figure(figsize=(HALF, 2.2), layout="constrained")
+    figure = Figure(figsize=(style.HALF, 2.2), layout="constrained")
     axes = figure.add_subplot(xlabel="start, the best first", ylabel="χ² above the lowest")
-    axes.plot(starts, rise, "o-", color=FITTED, markersize=4)
-    axes.axhline(limit, color=MEASURED, linewidth=0.7)
+    axes.plot(starts, rise, "o-", color=style.FITTED, markersize=4)
+    axes.axhline(limit, color=style.MEASURED, linewidth=0.7)
     axes.set_yscale("symlog", linthresh=1.0)
     axes.set_ylim(bottom=-0.2)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
