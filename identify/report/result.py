@@ -516,12 +516,12 @@ def _with_depth(result: Result, sure: Certainty, unknowns: Unknowns, base: Array
 
 def _profile_ends(sure: Certainty | None, unknowns: Unknowns, base: Array) -> dict[str, schema.Interval]:
     """The ends of every profile by name, SI: of a parameter at its bound, one is that bound. Empty without profiles."""
-    out = {}
-    profiles = None if sure is None else sure.profiles
-    for i in np.flatnonzero(unknowns.free).tolist() if profiles is not None else ():
-        if (sides := profiles.ends.get(unknowns.names[i])) is not None:  # type: ignore[union-attr]
-            low, high = (None if s.end is None else parameter_value(unknowns, i, s.end, base[i]) for s in sides)
-            out[unknowns.names[i]] = low, high
+    out: dict[str, schema.Interval] = {}
+    profiles = sure.profiles if sure is not None else None
+    for name, sides in profiles.ends.items() if profiles is not None else ():
+        i = unknowns.names.index(name)
+        low, high = (None if side.end is None else parameter_value(unknowns, i, side.end, base[i]) for side in sides)
+        out[name] = low, high
     return out
 
 
