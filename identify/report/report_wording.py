@@ -74,10 +74,7 @@ EFFECTS_CHOSEN: Mapping[str, str] = {
     "auto": "Chosen from the numbers of the scene and from the data.",
     "listed": "Listed in the scene.",
 }
-EFFECT_SIZES = (
-    "Where numbers stand they are estimates for the first log, without damping and at full strength, to judge sizes "
-    "by: what its cycles are stands under Stability and amplitude."
-)
+EFFECT_SIZES = "Numbers are estimates for the first log, without damping and at full strength, to judge sizes by."
 # Unicode has no subscript c, so that t_cr keeps its underscore where there is no markup.
 PLAIN_SYMBOLS: Mapping[str, str] = {
     "mu_s": "μₛ",
