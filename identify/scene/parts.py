@@ -18,7 +18,6 @@ from identify.scene.tables import (
     CONTACT,
     DAMPING,
     INITIAL,
-    LOG,
     POSITIVE,
     RIG,
     SHARE,
@@ -29,7 +28,7 @@ from identify.scene.tables import (
     part,
 )
 from identify.scene.toml import TOP, Tables, is_rig, located, to_fill_in
-from identify.scene.values import RIG_TOLERANCES, USUAL_TOLERANCES, Contact, Initial, LogEntry, Rig
+from identify.scene.values import LOG, RIG_TOLERANCES, USUAL_TOLERANCES, Contact, Initial, LogEntry, Rig
 
 Effects = tuple[str, ...] | Literal["auto"]
 AREA = '[contact] area = "0.8 cm^2"'

@@ -102,21 +102,29 @@ def speed(value: object, unit: str, where: str) -> float | tuple[tuple[float, fl
     return tuple((stated(start, "s", where), stated(pace, unit, where)) for start, pace in value)
 
 
-def _span(value: object, _unit: str, where: str) -> tuple[float, float]:
+def span(value: object, _unit: str, where: str) -> tuple[float, float]:
+    """A pair of times [s]."""
     if not isinstance(value, (list, tuple)) or len(value) != 2:
         raise SceneError(f'{where} is {value!r}; expected two times ["5 s", "20 s"], of several pairs a list')
     return stated(value[0], "s", where), stated(value[1], "s", where)
 
 
-def _zero(value: object, unit: str, where: str) -> float | tuple[float, float]:
+def zero(value: object, unit: str, where: str) -> float | tuple[float, float]:
     """A force [N] to take off, or the times [s] between which it is measured."""
-    return _span(value, unit, where) if isinstance(value, (list, tuple)) else stated(value, unit, where)
+    return span(value, unit, where) if isinstance(value, (list, tuple)) else stated(value, unit, where)
 
 
-def _of_kind(kind: type, words: str) -> Reader:
+def spans(value: object, unit: str, where: str) -> tuple[tuple[float, float], ...]:
+    """Pairs of times [s], each a span."""
+    return tuple(span(pair, unit, where) for pair in (value if isinstance(value, list | tuple) else [value]))
+
+
+def of_kind(kind: type, name: str) -> Reader:
+    """A value of just this type, by its name for people."""
+
     def read(value: object, _unit: str, where: str) -> object:
         if type(value) is not kind:
-            raise SceneError(f"{where} is {value!r}; expected {words}: correct it")
+            raise SceneError(f"{where} is {value!r}; expected {name}: correct it")
         return value
 
     return read
@@ -130,7 +138,7 @@ def text(value: object, _unit: str, where: str) -> str:
     return value
 
 
-def _words(value: object, _unit: str, where: str) -> dict[str, str]:
+def words(value: object, _unit: str, where: str) -> dict[str, str]:
     """A table of texts; numbers become text."""
     table = TomlTable.of(value, where, None, '{ time = "T", friction_force = "Fx" }')
     for name, word in table.data.items():
@@ -158,7 +166,6 @@ class Key:
 
 
 POSITIVE, NOT_NEGATIVE = "positive", "not negative"
-WHOLE = Key(read=_of_kind(int, "a whole number"))
 SHARE = Key(read=part, sign=NOT_NEGATIVE, limit=1.0)
 DAMPING = ("damping", "zeta", "loss_factor", "log_decrement")
 TIED = "natural_frequency_tolerance"  # of sqrt(k/m), in which errors of stiffness and mass that are the same cancel
@@ -173,25 +180,6 @@ RIG: Mapping[str, Key] = {
     "drive_speed": Key("m/s", speed, usual=(1e-9, 1.0, "mm/s")),
     "normal_force": Key("N", sign=POSITIVE, usual=(1e-4, 1e4, "mN")),
     "noise": Key("N", sign=POSITIVE),
-}
-LOG: Mapping[str, Key] = {
-    "path": Key(read=text),
-    "step": WHOLE,
-    "run": WHOLE,
-    "columns": Key(read=_words),
-    "units": Key(read=_words),
-    **{name: RIG[name] for name in ("drive_speed", "normal_force", "stiffness", "damping", "noise")},
-    "mass": Key("kg", sign=POSITIVE, usual=RIG["mass"].usual),
-    "window": Key("s", _span),
-    "exclude": Key("s", lambda v, u, at: tuple(_span(p, u, at) for p in (v if isinstance(v, list | tuple) else [v]))),
-    "skip_cycles": Key(read=WHOLE.read, sign=NOT_NEGATIVE),
-    "tare": Key("N", _zero),
-    "normal_tare": Key("N", _zero),
-    "crosstalk": Key(read=part, limit=1.0),
-    "tilt": Key("rad", limit=math.pi / 4),
-    "flip_sign": Key(read=_of_kind(bool, "true or false")),
-    "labels": Key(read=_words),
-    "rate": Key("Hz", sign=POSITIVE),
 }
 CONTACT: Mapping[str, Key] = {"area": Key("m^2", sign=POSITIVE), "area_law": Key()}
 AREA_LAW: Mapping[str, Key] = {"coefficient": Key("m^2", sign=POSITIVE), "exponent": Key()}

@@ -6,9 +6,11 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated, get_type_hints
 
 from identify.base.errors import SceneError
-from identify.scene.tables import AREA_LAW, CONTACT, INITIAL, LOG, NOT_NEGATIVE, POSITIVE, RIG, Key, check
+from identify.scene import tables
+from identify.scene.tables import AREA_LAW, CONTACT, INITIAL, NOT_NEGATIVE, POSITIVE, RIG, Key, check
 
 DriveSpeed = float | tuple[tuple[float, float], ...]
 RIG_TOLERANCES = ("mass", "stiffness", "damping", "drive_speed")
@@ -183,27 +185,27 @@ class LogEntry:
     rate [Hz] makes the clock of a log that has none.
     """
 
-    path: Path
-    drive_speed: DriveSpeed | None = None
-    step: int | None = None
-    run: int | None = None
-    columns: Mapping[str, str] | None = None
-    units: Mapping[str, str] | None = None
-    normal_force: float | None = None
-    stiffness: float | None = None
-    mass: float | None = None
-    damping: float | None = None
-    noise: float | None = None
-    window: tuple[float, float] | None = None
-    exclude: tuple[tuple[float, float], ...] = ()
-    skip_cycles: int = 0
-    tare: float | tuple[float, float] | None = None
-    normal_tare: float | tuple[float, float] | None = None
-    crosstalk: float | None = None
-    tilt: float | None = None
-    flip_sign: bool | None = None
-    labels: Mapping[str, str] = field(default_factory=dict)
-    rate: float | None = None
+    path: Annotated[Path, Key(read=tables.text)]
+    drive_speed: Annotated[DriveSpeed | None, RIG["drive_speed"]] = None
+    step: Annotated[int | None, Key(read=tables.of_kind(int, "a whole number"))] = None
+    run: Annotated[int | None, Key(read=tables.of_kind(int, "a whole number"))] = None
+    columns: Annotated[Mapping[str, str] | None, Key(read=tables.words)] = None
+    units: Annotated[Mapping[str, str] | None, Key(read=tables.words)] = None
+    normal_force: Annotated[float | None, RIG["normal_force"]] = None
+    stiffness: Annotated[float | None, RIG["stiffness"]] = None
+    mass: Annotated[float | None, Key("kg", sign=POSITIVE, usual=RIG["mass"].usual)] = None
+    damping: Annotated[float | None, RIG["damping"]] = None
+    noise: Annotated[float | None, RIG["noise"]] = None
+    window: Annotated[tuple[float, float] | None, Key("s", tables.span)] = None
+    exclude: Annotated[tuple[tuple[float, float], ...], Key("s", tables.spans)] = ()
+    skip_cycles: Annotated[int, Key(read=tables.of_kind(int, "a whole number"), sign=NOT_NEGATIVE)] = 0
+    tare: Annotated[float | tuple[float, float] | None, Key("N", tables.zero)] = None
+    normal_tare: Annotated[float | tuple[float, float] | None, Key("N", tables.zero)] = None
+    crosstalk: Annotated[float | None, Key(read=tables.part, limit=1.0)] = None
+    tilt: Annotated[float | None, Key("rad", limit=math.pi / 4)] = None
+    flip_sign: Annotated[bool | None, Key(read=tables.of_kind(bool, "true or false"))] = None
+    labels: Annotated[Mapping[str, str], Key(read=tables.words)] = field(default_factory=dict)
+    rate: Annotated[float | None, Key("Hz", sign=POSITIVE)] = None
 
     def __post_init__(self) -> None:
         where = f"of log {self.path.name}"
@@ -212,3 +214,8 @@ class LogEntry:
         for start, stop in ((self.window,) if self.window else ()) + self.exclude:
             if not start < stop:
                 raise SceneError(f"a window {where} runs from {start:g} to {stop:g} s; expected start before stop")
+
+
+_HINTS = get_type_hints(LogEntry, include_extras=True)
+LOG: Mapping[str, Key] = {name: hint.__metadata__[0] for name, hint in _HINTS.items()}
+"""What the keys of a [[logs]] table hold."""
