@@ -26,6 +26,7 @@ from identify.base.errors import FitError
 from identify.base.linear import keep_freed_memory
 from identify.base.outcome import LogCurves, Status
 from identify.base.progress import Notice, Progress, noticed_once, to_nobody
+from identify.base.result import SearchTrial
 from identify.base.wording import distinct
 from identify.diagnosis.explain import MISFITS, explain, takes_misfit
 from identify.diagnosis.findings import Findings, against_data
@@ -35,7 +36,7 @@ from identify.diagnosis.specimens import with_scatter
 from identify.effects import ALL
 from identify.estimation.attempt import Attempt
 from identify.estimation.certainty import Question, certainty
-from identify.estimation.estimator import EstimationTask, Estimator, Trace, Trial, note, tracing
+from identify.estimation.estimator import EstimationTask, Estimator, Trace, note, tracing
 from identify.estimation.fit_wording import (
     at_bounds,
     ended,
@@ -249,7 +250,7 @@ def plain_or_uneven(task: Task) -> tuple[list[Prepared], Findings]:
     began = now()
     uneven = estimated_by(UnevenEstimator(), replace(task, prepared=prepared))
     logs = tuple(i + 1 for i in range(len(prepared)) if i not in uneven.left_out)
-    note(Trial("uneven estimator", logs, uneven.status.value, None, now() - began))
+    note(SearchTrial("uneven estimator", logs, uneven.status.value, None, round(now() - began, 4)))
     if uneven.status is not Status.CONVERGED:
         return prepared, replace(findings, message=f"{findings.message}; {uneven.message}")
     return prepared, uneven

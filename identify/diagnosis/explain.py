@@ -19,7 +19,7 @@ from identify.base.budget import now
 from identify.base.errors import FitError, SceneError
 from identify.base.outcome import Status
 from identify.base.progress import Progress
-from identify.base.result import CauseResult
+from identify.base.result import CauseResult, SearchTrial
 from identify.base.wording import START_VALUES
 from identify.diagnosis.findings import Findings
 from identify.diagnosis.fitted import Fitted, fit_beside, fit_model
@@ -27,7 +27,7 @@ from identify.diagnosis.quantities import EFFECTS, REACH, Suggestion, held_quant
 from identify.diagnosis.score_test import ALIKE, Score, ScoreTable, score_table
 from identify.estimation.attempt import Attempt, solve_again
 from identify.estimation.covariance import sizes
-from identify.estimation.estimator import Trial, in_time, note, tracing
+from identify.estimation.estimator import in_time, note, tracing
 from identify.estimation.fit_wording import EXCHANGE, wrong_unit
 from identify.estimation.influence import largest_inflation, noise_of
 from identify.estimation.search import SearchProblem, search
@@ -148,7 +148,7 @@ def _with_cause(findings: Findings, scene: Scene, read: Sequence[Record], ended:
         with tracing(apart=True):
             with_effect = score.column.name in EFFECTS
             cause = _with_effect(scene, read, ended, score) if with_effect else _refitted(ended, score)
-        note(Trial(f"{REFIT}: {score.column.name}", (), "examined", None, now() - began))
+        note(SearchTrial(f"{REFIT}: {score.column.name}", (), "examined", None, round(now() - began, 4)))
         if cause is not None and (cause.attempt.excess < clearly or (cause.attempt.fits and not fits)):
             # Where it hardly had to move, the misfit was the search's.
             unsure = with_effect or cause.score.column.change is None  # its error is that of the score before

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from identify.base.budget import now, time_is_up
 from identify.base.outcome import Status
 from identify.base.progress import Progress
+from identify.base.result import SearchTrial
 from identify.estimation.covariance import Estimate
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
@@ -88,23 +89,11 @@ class Estimator(Protocol):
 # ----------------------------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Trial:
-    """One try: strategy; logs it took part with (numbers from 1); how it ended; 2 x cost per sample, None where there
-    is none; seconds it took, with what it tried inside."""
-
-    strategy: str
-    logs: tuple[int, ...]
-    status: str
-    cost: float | None
-    seconds: float
-
-
 @dataclass
 class Trace:
     """What a fit tried, in order; what was due when the time was up."""
 
-    trials: list[Trial] = field(default_factory=list)
+    trials: list[SearchTrial] = field(default_factory=list)
     not_tried: list[str] = field(default_factory=list)
 
 
@@ -155,11 +144,11 @@ def tried(
         solved, logs, status = found.solved, found.log_numbers, found.gate.status.value
         squares = 2.0 * solved.solution.cost / max(solved.problem.samples, 1)
         cost = squares if np.isfinite(squares) else None
-    note(Trial(strategy, tuple(i + 1 for i in logs), status, cost, now() - began))
+    note(SearchTrial(strategy, tuple(i + 1 for i in logs), status, cost, round(now() - began, 4)))
     return found
 
 
-def note(trial: Trial) -> None:
+def note(trial: SearchTrial) -> None:
     """Add an entry to the trace."""
     trace = _trace.get()
     if trace is not None:

@@ -99,9 +99,7 @@ def result_of(
             for i, (log, answer, part) in enumerate(zip(prepared, answers, parts, strict=True))
         ),
         notes=tuple(_notes(scene, prepared, findings)),
-        search=tuple(
-            schema.SearchTrial(t.strategy, t.logs, t.status, t.cost, round(t.seconds, 4)) for t in findings.trace.trials
-        ),
+        search=tuple(findings.trace.trials),
         not_tried=tuple(findings.trace.not_tried),
         more={} if estimated is None else estimated.more,
         rig_against_data=findings.held or None,
