@@ -98,8 +98,8 @@ def test_the_regime_under_a_changing_load_is_that_of_the_coefficient(seed):
     random = np.random.default_rng(seed)
     time = np.arange(3000) / 500.0
     low, high, place = random.uniform(0.3, 1.0), random.uniform(4.0, 9.0), time / 6.0
-    cam = 0.5 + 0.3 * np.sin(2 * np.pi * round(2 * high) * place)
-    ways = place, 1.0 - place, place > low, cam  # scratches, a step
+    cam = 0.5 + 0.3 * np.sin(2 * np.pi * round(high) * place)
+    ways = place, 1.0 - place, place > 0.6 * low, cam  # scratches, a step
     load = low + (high - low) * ways[seed % 4]
     mu = random.uniform(0.2, 0.8)
     force = load * (mu + 0.005 * mu * random.standard_normal(time.size))
