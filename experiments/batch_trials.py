@@ -24,7 +24,7 @@ stiffness = "1470 N/m"
 damping = "147 N/m"
 """
 # The page of a batch takes longer to import than a batch of stand-ins takes to run; it is tested where it is made.
-NO_PAGE = "from identify.cli import studies; studies.write_page = lambda out, terminal: None; "
+NO_PAGE = "from identify.cli import studies; studies.write_batch_report = str; "
 WITH_STUB = f"from identify.studies import workers; workers.MODULE = {STUB!r}; "
 COMMAND = "import sys; from identify.cli.main import main; raise SystemExit(main(sys.argv[1:]))"
 TIMES = ("timing_s", "finished", "started", "seconds", "machine", "host")  # what may differ between two runs
@@ -55,10 +55,9 @@ def environment(seconds: float = 0.02) -> dict[str, str]:
     }
 
 
-def started(arguments: Sequence[object], seconds: float = 0.02, before: str = "") -> subprocess.Popen[bytes]:
-    """`stickslip batch` in a process of its own with a stand-in for the fit, without its page; before: what it does
-    first, in Python."""
-    command = [sys.executable, "-c", before + WITH_STUB + NO_PAGE + COMMAND, "batch", *map(str, arguments)]
+def started(arguments: Sequence[object], seconds: float = 0.02, before: str = NO_PAGE) -> subprocess.Popen[bytes]:
+    """`stickslip batch` in a process of its own with a stand-in for the fit; before: what it does first, in Python."""
+    command = [sys.executable, "-c", before + WITH_STUB + COMMAND, "batch", *map(str, arguments)]
     pipe = subprocess.PIPE
     return subprocess.Popen(command, stdout=pipe, stderr=pipe, env=environment(seconds), cwd=ROOT)
 

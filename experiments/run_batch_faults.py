@@ -28,6 +28,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from experiments.batch_trials import alive, children, content, differences, kill, put, started, wait_for, write_case
 from experiments.machine import describe
 
+PAGE = 6.0  # s in which tables and page are written, about
 WORK = 0.05  # s that a stand-in works, and as long again that it writes
 VICTIMS = ("batch", "batch", "batch", "batch", "batch, terminated", "one fit")  # who is killed; chosen evenly
 
@@ -119,6 +120,30 @@ def _one_kill(process: subprocess.Popen[bytes], out: Path, tally: Tally, pick: r
         wait_for(lambda: not any(alive(pid) for pid in below))
 
 
+def killed_at_its_page(case: tuple[Path, Path], reference: Path, home: Path, kills: int) -> Tally:
+    """Kill a batch from its last group on, while tables and page are written: no file is half, no group is lost."""
+    tally, pick, out = Tally("killed while its page is written"), random.Random(kills), home / "page"
+    while tally.kills < kills:
+        before = put(out)
+        process = started(batch(case, out, "--jobs", 2), before="")
+        while process.poll() is None and len(put(out)) < len(put(reference)):
+            time.sleep(0.05)
+        time.sleep(pick.uniform(0.0, PAGE))
+        kill(process.pid)
+        process.communicate()
+        tally.kills += process.returncode != 0
+        tally.look(out, reference, before, frozenset())
+        for page in out.glob("report.html"):
+            tally.words += [] if page.read_text().rstrip().endswith("</html>") else ["half: report.html"]
+        if pick.random() < 0.2:
+            shutil.rmtree(out)
+    process = started(batch(case, out, "--jobs", 2), before="")
+    process.communicate()
+    tally.finish(out, reference)
+    tally.words += [] if (out / "report.html").is_file() and process.returncode == 0 else ["no page in the end"]
+    return tally
+
+
 def _failed(out: Path) -> frozenset[str]:
     """The groups whose fit was killed: they hold a record of it alone, and are done again."""
     return frozenset(group for group in put(out) if {p.name for p in (out / group).iterdir()} == {"job.json"})
@@ -202,6 +227,7 @@ def main(fast: bool = False) -> list[Tally]:
         undisturbed(case, reference)
         tallies = [
             killed_at_random("killed at random", case, reference, home, kills),
+            killed_at_its_page(case, reference, home, kills // 3),
             full_disk(case, reference, home),
             twice(case, reference, home, pairs),
             gone_wrong(home / "in", reference, home, names),

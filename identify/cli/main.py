@@ -108,6 +108,8 @@ def _answer(given: list[str], json_mode: bool, debug: bool) -> Answer:
         with contextlib.redirect_stdout(sys.stderr) if json_mode else contextlib.nullcontext():
             answer = _run(given, json_mode)
         check_interrupted()
+        if answer.code == Exit.WRONG_INPUT:  # of several logs some were read, of a batch some groups were fitted
+            _failed(answer.code, str(answer.document["message"]))
         return answer
     except BaseException as error:  # noqa: BLE001 - a defect is a sentence, never a traceback
         if debug:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import sys
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
@@ -203,6 +204,7 @@ def check(where: str, key: Key, value: object) -> None:
             check(where, Key(key.unit), pace)
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return
+    value = value if abs(value) <= sys.float_info.max else math.copysign(math.inf, value)  # a whole number has no end
     shown = f"{value:g} {key.unit}".rstrip()
     least, most = SIZES.get(key.unit, (1.0 / LARGEST, LARGEST))
     if key.sign == POSITIVE and not value > 0.0:
