@@ -8,14 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from types import SimpleNamespace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from identify.effects import MAIN
 from identify.prediction import amplitude, stability
-from identify.prediction.stability import QUANTITIES, settings
+from identify.prediction.stability import QUANTITIES
 
 Array = NDArray[np.float64]
 Numbers = float | Array
@@ -47,7 +46,7 @@ MEANING: Mapping[str, tuple[str, str]] = {
 
 
 def _formed(q: Mapping[str, Array]) -> dict[str, Array]:
-    """The groups of `settings` by name."""
+    """The groups by name, of QUANTITIES by name."""
     v, impedance = q["drive_speed"], np.sqrt(q["mass"] * q["stiffness"])
     ageing = (q["D"] > 0) & (q["t_cr"] > 0)
     omega, zeta = np.sqrt(q["stiffness"] / q["mass"]), q["damping"] / (2 * q["stiffness"])
@@ -77,16 +76,6 @@ def _formed(q: Mapping[str, Array]) -> dict[str, Array]:
         "z": 2 * zeta + slope * np.exp(-v_a) * (1 - gamma_0),
         "Pi": np.where(ageing, force * weakened * q["t_cr"] / q["D"], np.nan),
     }
-
-
-def groups(rig: object, friction: object, drive_speed: ArrayLike, normal_force: ArrayLike) -> SimpleNamespace:
-    """The dimensionless groups of operating points, by the names of MEANING.
-
-    Args:
-        rig, friction, drive_speed [m/s], normal_force [N]: as for `stability.eigenvalues`. All broadcast.
-    """
-    with np.errstate(all="ignore"):
-        return SimpleNamespace(**_formed(settings(rig, friction, drive_speed, normal_force)))
 
 
 @dataclass(frozen=True)
