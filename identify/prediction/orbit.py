@@ -35,21 +35,16 @@ def check_calculable(model: Model) -> None:
             "the effect inertia is off: stability and amplitude of stick-slip are those of a moving mass; "
             "add inertia to effects and give the mass under [rig]"
         )
-    reasons = {
-        "clocked": "changes with time as such, so that no cycle is like the one before",
-        "jumps": "deals every stick its own friction, so that no cycle is like the one before",
-    }
-    for flag, why in reasons.items():
-        if not getattr(model, flag):
-            continue
-        own = [e for e in ALL if e.name in model.effects]
-        alone = [assemble(tuple(dict.fromkeys(("inertia", *e.needs, e.name)))) for e in own]
-        names = [e.name for e, part in zip(own, alone, strict=True) if getattr(part, flag)] or list(model.effects)
-        effects, them = ("effect", "it") if len(names) == 1 else ("effects", "them")
-        raise SimulationError(
-            f"the {effects} {' and '.join(names)} {why}; leave {them} out for stability, amplitude and plans "
-            f"({' '.join(f'--without {name}' for name in names)}, or in the scene), or look at a simulation"
-        )
+    if not (model.clocked or model.jumps):
+        return
+    own = [e for e in ALL if e.name in model.effects]
+    alone = [assemble(tuple(dict.fromkeys(("inertia", *e.needs, e.name)))) for e in own]
+    names = [e.name for e, part in zip(own, alone, strict=True) if part.clocked or part.jumps] or list(model.effects)
+    raise SimulationError(
+        f"with the effect{'s' * (len(names) > 1)} {' and '.join(names)} no cycle is like the one before; leave out for "
+        f"stability, amplitude and plans what changes with time or from stick to stick "
+        f"({' '.join(f'--without {name}' for name in names)}, or in the scene), or look at a simulation"
+    )
 
 
 # The return map: a stick and a slip of the simulator, and how they move with start, parameters and rig.

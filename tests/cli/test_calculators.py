@@ -41,7 +41,7 @@ def test_calculators_refuse_what_never_repeats(folder, capsys):
     sentence = refused(capsys, "stability", "--scene", path)
     assert "the effect excitation changes with time" in sentence and "--without excitation" in sentence
     sentence = refused(capsys, "amplitude", "--scene", path, "--without", "excitation")
-    assert "friction_heterogeneity deals every stick its own friction" in sentence
+    assert "friction_heterogeneity no cycle is like the one before" in sentence
     assert "did you mean" in refused(capsys, "amplitude", "--scene", path, "--without", "occlusion")
 
 
