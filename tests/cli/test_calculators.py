@@ -39,7 +39,7 @@ def test_calculators_refuse_what_never_repeats(folder, capsys):
     path, effects = "s.toml", [*MAIN, "excitation", "friction_heterogeneity", "skin_compliance"]
     Path(path).write_text(f"effects = {json.dumps(effects)}\n{RIG}", encoding="utf-8")
     sentence = refused(capsys, "stability", "--scene", path)
-    assert "the effect excitation changes with time" in sentence and "--without excitation" in sentence
+    assert "no cycle is like the one before" in sentence and "--without excitation" in sentence
     sentence = refused(capsys, "amplitude", "--scene", path, "--without", "excitation")
     assert "friction_heterogeneity no cycle is like the one before" in sentence
     assert "did you mean" in refused(capsys, "amplitude", "--scene", path, "--without", "occlusion")
