@@ -303,7 +303,8 @@ def _map(
         drawn: maps.LineMap | maps.Chart = maps.line_map(site, names[0], ranges[names[0]], nodes)
     else:
         nodes = GRID if arguments.points is None else arguments.points
-        drawn = maps.chart(site, (names[0], names[1]), list(ranges.values()), (nodes, nodes))
+        spans = ranges[names[0]], ranges[names[1]]
+        drawn = maps.stability_map(site, names[0], names[1], *spans, nodes)
     document = _line_document(drawn) if isinstance(drawn, maps.LineMap) else _chart_document(drawn)
     terminal.say(wrapped(str(document["text"]), "", ""))
     if plot:

@@ -47,15 +47,14 @@ CHANGED |= dict.fromkeys(("stiffness", "damping", "mass", "normal_force"), 100.0
 
 @dataclass(frozen=True)
 class Plane:
-    """A grid over two quantities: coordinates (n_x,) and (n_y,), rising and even; settings (n_y, n_x, n_w), and
-    whether the model takes them (n_y, n_x). Over one quantity it has a single row."""
+    """A grid over two quantities: coordinates (n_x,) and (n_y,), rising and even; whether the model takes their
+    settings (n_y, n_x). Over one quantity it has a single row."""
 
     site: Site
     x: Axis
     y: Axis
     x_places: Array
     y_places: Array
-    settings: Array
     admitted: Bools
 
     @property
@@ -134,11 +133,10 @@ def plane(
         places.append(np.linspace(q.place(low), q.place(high), count))
     x_places, y_places = (*places, np.array([y.place(y.value)]))[:2]
     columns = zip((x.name, y.name)[: len(names)], np.meshgrid(x.value_at(x_places), y.value_at(y_places)), strict=False)
-    settings = moved(site, dict(columns))
-    admitted = admissible(site.model, settings)
+    admitted = admissible(site.model, moved(site, dict(columns)))
     if not np.any(admitted):
         raise SimulationError(f"no pair of {x.name} and {y.name} in these ranges is one the model admits; move them")
-    return Plane(site, x, y, x_places, y_places, settings, admitted)
+    return Plane(site, x, y, x_places, y_places, admitted)
 
 
 def around(q: Axis) -> Range:
@@ -242,32 +240,20 @@ class Chart:
         return [np.column_stack([x.value_at(p[:, 0]), y.value_at(p[:, 1])]) for p in boundary.lines()]
 
 
-def chart(
-    site: Site,
-    names: tuple[str, str],
-    ranges: Sequence[Range | None] = (None, None),
-    points: Sequence[int] = (60, 60),
-) -> Chart:
-    """The map of an operating point over two quantities (`axes.known_axes`); arguments and errors as of `plane`."""
-    grid = plane(site, names, ranges, points)
-    survey = grid.survey()
-    return Chart.of(grid, survey, survey.ends(COARSE), survey.losses())
-
-
 def stability_map(
     scene: Scene | Site,
     x: str,
     y: str,
     x_range: Range | None = None,
     y_range: Range | None = None,
-    points: int = 60,
+    points: int | tuple[int, int] = 60,
 ) -> Chart:
     """Where a pair sticks and slips, slides steadily, or does either, over two quantities (`axes.known_axes`).
 
     Args:
         scene: a scene with one drive speed and normal force under [rig] and values that are fixed, else start, else
             default; or an operating point. x_range, y_range: [SI]; None: around the point.
-        points: along each quantity.
+        points: along each quantity, or along x and y.
 
     Returns:
         a `Chart`: outcomes, drop, period and the rest on the grid, and the boundaries; `write_map` stores it,
@@ -282,7 +268,9 @@ def stability_map(
             raise SimulationError("the scene gives no single drive speed or no normal force; state both under [rig]")
         area, exponent = scene.contact.area_at(load), scene.contact.exponent or 0.0
         scene = Site(scene.model, scene.values(None), abs(speed), load, area, exponent)
-    return chart(scene, (x, y), (x_range, y_range), (points, points))
+    grid = plane(scene, (x, y), (x_range, y_range), (points, points) if isinstance(points, int) else points)
+    survey = grid.survey()
+    return Chart.of(grid, survey, survey.ends(COARSE), survey.losses())
 
 
 # Over one quantity.

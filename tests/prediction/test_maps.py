@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 from identify.base.errors import SimulationError
 from identify.model.model import assemble
 from identify.prediction.axes import Site, admissible, axis, check_axes, moved
-from identify.prediction.maps import Boundary, chart, line_map, plane
+from identify.prediction.maps import Boundary, line_map, plane, stability_map
 from identify.prediction.orbit import CycleMap
 from identify.prediction.predict import solution_set
 from identify.prediction.windows import Border
@@ -25,7 +25,7 @@ import brute_force
 
 @pytest.fixture(scope="module")
 def speed_and_stiffness():
-    return chart(SITE, ("drive_speed", "stiffness"), SPANS, (9, 7))
+    return stability_map(SITE, "drive_speed", "stiffness", *SPANS, (9, 7))
 
 
 def entry(w, name):
@@ -106,7 +106,8 @@ def test_nodes_of_a_map_are_the_single_answers(speed_and_stiffness):
     made = speed_and_stiffness
     assert set(made.shares) == {"always sticks", "never sticks", "bistable"}
     for j, i in ((0, 0), (3, 2), (3, 5), (1, 8)):
-        w = made.plane.settings[j, i]
+        grid = made.plane
+        w = moved(SITE, {"drive_speed": grid.x_values[i], "stiffness": grid.y_values[j]})
         answer = solution_set(CycleMap(SITE.model, w[-2], w[:-2]), w[-1])
         assert made.outcomes[j, i] == answer.outcome.value
         if answer.cycle is None:
@@ -145,7 +146,7 @@ def test_sliding_loses_stability_where_its_damping_vanishes(speed_and_stiffness)
 def test_sliding_that_jumps_to_stability_does_so_where_the_contact_wears_out():
     """Without weakening and with damping: unstable below v_cr = D/t_cr, stable above it."""
     site = Site(SITE.model, {**DEMO, "delta_mu_k": -1e-9}, 1e-4, 1.0)
-    made = chart(site, ("drive_speed", "t_cr"), ((1e-5, 1e-3), (0.1, 1.0)), (6, 3))
+    made = stability_map(site, "drive_speed", "t_cr", (1e-5, 1e-3), (0.1, 1.0), (6, 3))
     (line,) = made.values_of(made.unstable)
     np.testing.assert_allclose(line[:, 0], DEMO["D"] / line[:, 1], rtol=1e-3)
 

@@ -10,7 +10,7 @@ import pytest
 
 from identify.base.errors import SimulationError
 from identify.cli.main import main
-from identify.prediction.maps import chart, line_map, write_map
+from identify.prediction.maps import line_map, stability_map, write_map
 from identify.prediction.sources import Tested
 from identify.report.draw_map import draw_map
 from tests.support.maps_case import SITE, SPANS
@@ -18,7 +18,7 @@ from tests.support.maps_case import SITE, SPANS
 
 @pytest.fixture(scope="module")
 def speed_and_stiffness():
-    return chart(SITE, ("drive_speed", "stiffness"), SPANS, (9, 7))
+    return stability_map(SITE, "drive_speed", "stiffness", *SPANS, (9, 7))
 
 
 def test_a_map_is_stored_whole(tmp_path, speed_and_stiffness):
