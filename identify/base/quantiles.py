@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import betaincinv, chdtri, gammaincinv, ndtri, stdtr, stdtrit
+from scipy.special import chdtri, gammaincinv, ndtri, stdtr, stdtrit
 
 
 def normal(probability: float) -> float:
@@ -34,11 +34,6 @@ def chi_square(probability: float, freedom: float) -> float:
 def chi_square_exceeded(probability: float, freedom: float) -> float:
     """What chi-square exceeds with this probability, however small that is."""
     return float(chdtri(freedom, probability))
-
-
-def beta(probability: float, first: float, second: float) -> float:
-    """Quantile of the beta distribution of these two shapes."""
-    return float(betaincinv(first, second, probability))
 
 
 LEVEL = 0.95  # of every interval that is reported
