@@ -234,13 +234,3 @@ def test_one_speed_is_repeated_where_each_stands_in_one_log(tmp_path, ask):
     assert [log["repeats"] for log in first["logs"]][:1] == [True]
     assert first["logs"][0]["drive"] in [abs(log["drive_speed_m_per_s"]) for log in result["logs"]]
     assert not any(log["repeats"] for log in told(specimen=0)["logs"])
-
-
-def test_a_fit_beside_the_scene_is_offered_not_used(tmp_path, ask):
-    (tmp_path / "pair.toml").write_text(SCENE)
-    (tmp_path / "stickslip-pair").mkdir()
-    (tmp_path / "stickslip-pair" / "result.json").write_text(as_json(fit_of_a_scene().result))
-    document = ask("pair.toml")
-    assert "A fit of this scene stands beside it" in document["source"]
-    assert document["existing_result"].endswith("result.json")
-    assert document["measured"] == [] and "a" in document["assumed"]

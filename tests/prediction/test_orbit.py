@@ -194,11 +194,3 @@ def test_what_has_no_meaning_is_refused_in_one_sentence_and_holds_up_no_other_po
     two = (*MAIN, "occlusion", "excitation")
     with pytest.raises(SimulationError, match="--without occlusion --without excitation"):
         predict(assemble(two), values_of(two), 1e-3, LOAD)
-
-
-def test_outcomes_along_the_drive_speed():
-    answers = [asked(v)["stability"] for v in (5e-3, 15e-3, 25e-3)]
-    assert [a["outcome"] for a in answers] == ["always sticks", "bistable", "never sticks"]
-    assert len({a["critical_speed"]["value"] for a in answers}) == 1
-    never = asked(1e-3, mu_s=0.43, delta_mu_k=0.05)
-    assert never["stability"]["outcome"] == "never sticks" and never["amplitude"]["drop"]["value"] is None
