@@ -44,6 +44,8 @@ def batch(arguments: Namespace, terminal: Terminal) -> Answer:
     workers: Workers = LocalWorkers(arguments.jobs or cores())
     if arguments.scheduler:
         workers = ClusterWorkers(arguments.scheduler)
+        out.mkdir(parents=True, exist_ok=True)
+        workers.check(out.absolute())
     ends_by_itself()
     try:
         with terminal.bar() as progress:

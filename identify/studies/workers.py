@@ -340,6 +340,11 @@ def close_processes() -> None:
     _on_this_worker = FitProcesses()
 
 
+def look_around(folder: Path) -> tuple[bool, str]:
+    """Runs on a Dask worker: whether it finds the folder of the batch, and its numerics."""
+    return folder.is_dir(), numerics()
+
+
 class ClusterWorkers:
     """The workers of a Dask cluster; they must have the logs and the batch folder under the same paths as we do.
 
@@ -363,6 +368,23 @@ class ClusterWorkers:
         except (OSError, TimeoutError) as error:
             self._client.close()
             raise BatchError(f"the Dask cluster has no worker that answers ({error}); start one") from None
+
+    def check(self, folder: Path) -> None:
+        """Ask every worker for the folder and for its numerics: one that fails at once would draw all jobs.
+
+        Raises:
+            BatchError: one complaint per worker that cannot take part.
+        """
+        complaints = []
+        for at, (has_folder, other) in self._client.run(look_around, folder).items():
+            if not has_folder:
+                complaints.append(f"the Dask worker {at} cannot read {folder}; share that folder")
+            elif other != numerics():
+                wrong = f"the Dask worker {at} has other numerics ({other}); expected {numerics()}"
+                complaints.append(f"{wrong}: install the same versions")
+        if complaints:
+            self._client.close()
+            raise BatchError(*complaints)
 
     def __enter__(self) -> Self:
         return self

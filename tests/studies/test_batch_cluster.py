@@ -59,6 +59,8 @@ def results(out):
 def test_a_cluster_gives_the_results_of_one_machine_also_where_worker_and_scheduler_are_killed(tmp_path):
     case, out = write_case(tmp_path / "in", [*GROUPS, "crash", "hang"]), tmp_path / "out"
     with cluster(tmp_path, seconds=0.2) as (address, processes):
+        with pytest.raises(BatchError, match="cannot read"):
+            ClusterWorkers(address, STUB).check(tmp_path / "only here")
         workers = joined(address)
         teller = Silent(lambda: os.kill(processes[1].pid, signal.SIGKILL))
         summary = run_batch(plan(*case), out, workers, resume=False, limit=3.0, progress=teller, scheduler=address)
