@@ -265,6 +265,8 @@ class FitProcesses:
         except IndexError:
             process = FitProcess(module)
             self._all.append(process)
+            if self._closed:  # while it was being made
+                process.close()
         answer = process.run(job, folder, limit)
         self._idle.append(process)
         return answer
