@@ -258,15 +258,14 @@ class FitProcesses:
 
     def run(self, job: Job, folder: Path, limit: float, module: str | None) -> Answer:
         """Fit a job in one that is free, see `FitProcess.run`."""
-        if self._closed:
-            return End(store.CRASHED, "the batch was ended"), store.new_part(folder)
         try:
             process = self._idle.pop()
         except IndexError:
             process = FitProcess(module)
             self._all.append(process)
-            if self._closed:  # while it was being made
-                process.close()
+        if self._closed:
+            process.close()
+            return End(store.CRASHED, "the batch was ended"), store.new_part(folder)
         answer = process.run(job, folder, limit)
         self._idle.append(process)
         return answer
