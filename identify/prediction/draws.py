@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import ndtri
 
+from identify.base.result import Number
 from identify.model.model import Model
 from identify.prediction.axes import admissible
 from identify.prediction.windows import QUANTILES
-from identify.prediction.wording import listed
+from identify.prediction.wording import OPEN, listed
 
 Array = NDArray[np.float64]
 
@@ -39,15 +40,6 @@ class OperatingPoint:
     drive_speed: float
     normal_force: float
     covariance: ArrayLike | None = None
-
-
-@dataclass(frozen=True)
-class AnswerInterval:
-    """Ends of a 95 % interval, both None where it is open, and then the reason."""
-
-    low: float | None
-    high: float | None
-    reason: str = ""
 
 
 @dataclass(frozen=True)
@@ -123,20 +115,19 @@ class Draws:
         """Values (n + 2 d,) of a parameter, "normal_force" or "drive_speed"."""
         return self.settings[:, (*self.model.parameter_names, *reversed(POINT)).index(name)]
 
-    def interval(self, answers: Array, centre: float, size: float = 0.0) -> AnswerInterval:
-        """The interval between the outer quantiles of the answers (n + 2 d,), NaN where there is none.
-
-        Args:
-            centre: the answer at the point itself; size: what an answer near zero is measured by.
-        """
-        same = np.abs(answers[self.count :].reshape(-1, 2) - centre) <= NOTICED * max(abs(centre), size)
+    def number(self, value: float, unit: str, validity: str, answers: Array, size: float = 0.0) -> Number:
+        """An answer at the point itself, with the interval between the outer quantiles of the answers (n + 2 d,) of all
+        rows, NaN where one has none; size: what an answer near zero is measured by."""
+        if np.all(answers == answers[0]):
+            return Number(value, unit, None, validity)
+        same = np.abs(answers[self.count :].reshape(-1, 2) - value) <= NOTICED * max(abs(value), size)
         moves = ~np.all(same, axis=1)
         named = dict.fromkeys(name for each, moving in zip(self.open, moves, strict=True) if moving for name in each)
-        if named:
-            return AnswerInterval(None, None, f"{listed([*named])}, on which it depends, is not identifiable here")
-        finite = answers[: self.count][np.isfinite(answers[: self.count])]
-        total = self.count + self.refused
-        if finite.size < min(LEAST_DRAWS, total):
-            return AnswerInterval(None, None, f"only {finite.size} of {total} draws have an answer")
-        low, high = np.quantile(finite, QUANTILES)
-        return AnswerInterval(float(low), float(high))
+        finite, total = answers[: self.count][np.isfinite(answers[: self.count])], self.count + self.refused
+        reason = f"{listed([*named])}, on which it depends, is not identifiable here" if named else ""
+        if not named and finite.size < min(LEAST_DRAWS, total):
+            reason = f"only {finite.size} of {total} draws have an answer"
+        if reason:
+            return Number(value, unit, (None, None), validity, f"{OPEN}{reason}")
+        low, high = np.quantile(finite, QUANTILES).tolist()
+        return Number(value, unit, (low, high), validity)

@@ -16,7 +16,7 @@ from identify.model.model import Model
 from identify.prediction.axes import Site
 from identify.prediction.batch import CycleBatch, Motions, cycle_figures
 from identify.prediction.closed_forms import CYCLE, MEANING, beyond, closed_forms, judged
-from identify.prediction.draws import DRAWS, POINT, AnswerInterval, Draws, OperatingPoint
+from identify.prediction.draws import DRAWS, POINT, Draws, OperatingPoint
 from identify.prediction.orbit import QUANTITIES, Cycle, CycleMap, check_calculable
 from identify.prediction.windows import (
     COARSE,
@@ -29,7 +29,7 @@ from identify.prediction.windows import (
     outcome_of,
     speed_windows,
 )
-from identify.prediction.wording import OPEN, amplitude_text, closed_form_text, shown, stability_text
+from identify.prediction.wording import amplitude_text, closed_form_text, shown, stability_text
 from identify.simulation.sliding import Sliding, slidings
 
 Array = NDArray[np.float64]
@@ -115,14 +115,9 @@ class NoAnswer:
     text: str
 
 
-def number(value: float | None, unit: str, validity: str, interval: AnswerInterval | None = None) -> Number:
-    """A number as the interface gives it; what is not finite has neither value nor interval."""
-    if value is None or not np.isfinite(value):
-        return Number(None, unit, None, validity)
-    if interval is None:
-        return Number(float(value), unit, None, validity)
-    reason = f"{OPEN}{interval.reason}" if interval.reason else ""
-    return Number(float(value), unit, (interval.low, interval.high), validity, reason)
+def number(value: float | None, unit: str, validity: str) -> Number:
+    """A number as the interface gives it, None where it is not finite."""
+    return Number(float(value) if value is not None and np.isfinite(value) else None, unit, None, validity)
 
 
 # What happens at an operating point, and at draws of it.
@@ -203,7 +198,7 @@ class DrawAnswers:
         forms = closed_forms(values)
         force = np.array([state.force for state in slidings(self.draws.model, self.draws.settings)])
         formed = {f"closed {name}": column for name, column in {**forms.groups, **forms.numbers}.items()}
-        return {**_jumps(rows, values), **formed, "growth_rate": self.batch.growth, "friction_force": force}
+        return {**_jumps(rows, values), **formed, "friction_force": force}
 
     def limit(self, part: SpeedRange, upper: bool) -> Array:
         """The upper or lower end (rows,) [m/s] of a range with stick-slip, NaN where none is found."""
@@ -219,12 +214,11 @@ class DrawAnswers:
         return np.exp(locate(test, expected, ahead, COARSE, self.draws.count))
 
 
-def _interval(drawn: DrawAnswers | None, name: str, value: float | None, size: float = 0.0) -> AnswerInterval | None:
-    """The interval of one of the numbers; None without one, or where nothing in it is uncertain."""
+def _number(drawn: DrawAnswers | None, value: float | None, unit: str, validity: str, name: str) -> Number:
+    """One of the numbers, with its interval where there are draws."""
     if drawn is None or value is None or not np.isfinite(value):
-        return None
-    rows = drawn.numbers[name]
-    return None if np.all(rows == rows[0]) else drawn.draws.interval(rows, value, size)
+        return number(value, unit, validity)
+    return drawn.draws.number(value, unit, validity, drawn.numbers[name])
 
 
 def _jumps(rows: Array, values: Mapping[str, float | Array]) -> dict[str, Array]:
@@ -317,8 +311,8 @@ def _prediction(
     if point.covariance is not None and names:
         drawn = DrawAnswers(Draws.of(model, values, names, point.covariance, draws), answer)
 
-    def of_model(value: float | None, unit: str, name: str, size: float = 0.0) -> Number:
-        return number(value, unit, MODEL, _interval(drawn, name, value, size))
+    def of_model(value: float | None, unit: str, name: str) -> Number:
+        return _number(drawn, value, unit, MODEL, name)
 
     def limit(part: SpeedRange, upper: bool) -> Number | None:
         end = part.high if upper else part.low
@@ -328,7 +322,7 @@ def _prediction(
         key = (place, upper, round(np.log(load) / ALIKE), site.setting[:-2].tobytes(), str(point.covariance))
         if key not in shared:
             shared[key] = drawn.limit(part, upper) / end
-        return number(end, "m/s", MODEL, drawn.draws.interval(shared[key] * end, end))
+        return drawn.draws.number(end, "m/s", MODEL, shared[key] * end)
 
     steady, windows, cycle = answer.steady, answer.windows, answer.cycle
     between = tuple(StickSlipRange(limit(part, False), limit(part, True)) for part in windows.sticking)
@@ -337,12 +331,15 @@ def _prediction(
         no_end = f"stick-slip still exists at {fastest}, the highest speed tried"
     else:
         no_end = f"no stick-slip was found at any drive speed from {slowest} to {fastest}"
+    growth = number(steady.growth, "1/s", MODEL)
+    if drawn is not None:
+        growth = drawn.draws.number(steady.growth, "1/s", MODEL, drawn.batch.growth, QUIET / map_.time)
     stability = StabilityAnswer(
         outcome=answer.outcome.value,
         critical_speed=(between[-1].high if between else None) or number(None, "m/s", no_end),
         sliding=SlidingAnswer(
             stable=steady.stable,
-            growth_rate=of_model(steady.growth, "1/s", "growth_rate", QUIET / map_.time),
+            growth_rate=growth,
             friction_force=of_model(steady.force, "N", "friction_force"),
             eigenvalues=tuple((float(z.real), float(z.imag)) for z in steady.eigenvalues),
             worn=steady.worn,
@@ -384,7 +381,7 @@ def _closed_forms(
     """The groups, and the closed forms, each beside what the nonlinear model has."""
 
     def entry(name: str, value: float | None, unit: str, why: str) -> Number:
-        return number(value, unit, why, _interval(drawn, f"closed {name}", value))
+        return _number(drawn, value, unit, why, f"closed {name}")
 
     forms = closed_forms(values)
     groups = {name: entry(name, float(value), *MEANING[name]) for name, value in forms.groups.items()}

@@ -80,8 +80,8 @@ def test_ends_of_draws_are_those_of_their_own_windows():
 def test_too_few_draws_with_an_answer_leave_the_interval_open():
     draws = Draws.of(MODEL, PAIR | {"drive_speed": 1e-3}, ("mu_s",), np.array([[1e-6]]), 200)
     values = np.where(np.arange(200) < LEAST_DRAWS - 1, 1.0, np.nan)
-    found = draws.interval(values, 1.0)
-    assert found.low is None and f"only {LEAST_DRAWS - 1} of 200 draws" in found.reason
+    found = draws.number(1.0, "", "", values)
+    assert found.interval == (None, None) and f"only {LEAST_DRAWS - 1} of 200 draws" in found.reason
 
 
 def test_draws_have_the_covariance_and_are_possible():
@@ -137,10 +137,10 @@ def test_a_ridge_between_parameters_opens_what_lies_along_it_only():
     ridge[1, 2] = ridge[2, 1] = -1e6
     draws = Draws.of(MODEL, PAIR | {"drive_speed": 1e-3}, ["mu_s", "mu_k0", "delta_mu_k"], ridge)
     static, slow, fall = (draws.column(name) for name in ("mu_s", "mu_k0", "delta_mu_k"))
-    assert "mu_k0 and delta_mu_k" in draws.interval(slow + 0.5 * fall, DEMO["mu_k0"] - 0.065).reason
-    assert not draws.interval(slow + fall, 0.3).reason
-    closed = draws.interval(static, DEMO["mu_s"])
-    assert closed.low == pytest.approx(DEMO["mu_s"] - 1.96e-3, rel=2e-4) and not closed.reason
+    assert "mu_k0 and delta_mu_k" in draws.number(DEMO["mu_k0"] - 0.065, "", "", slow + 0.5 * fall).reason
+    assert not draws.number(0.3, "", "", slow + fall).reason
+    closed = draws.number(DEMO["mu_s"], "", "", static)
+    assert closed.interval[0] == pytest.approx(DEMO["mu_s"] - 1.96e-3, rel=2e-4) and not closed.reason
 
 
 SCENE = """
