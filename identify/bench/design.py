@@ -24,8 +24,17 @@ from identify.base.quantiles import NORMAL
 from identify.estimation.covariance import IDENTIFIED, inverse, sizes
 from identify.estimation.fit_wording import WANTED, round_up
 from identify.logs.unknowns import Unknowns
-from identify.model.model import ELONGATION, SPEED
-from identify.prediction.orbit import Cycle, CycleMap, Tangent, check_calculable, load_slopes, rest_slopes
+from identify.model.model import ELONGATION, SPEED, Model
+from identify.prediction.batch import CycleBatch
+from identify.prediction.orbit import (
+    Cycle,
+    Tangent,
+    check_calculable,
+    load_slopes,
+    rest_slopes,
+    run_cycle,
+    tangent_of,
+)
 from identify.shooting.layout import BOUNDED_START_SD
 from identify.simulation.phases import stepped
 
@@ -75,9 +84,9 @@ class CycleSensitivity:
     slips: NDArray[np.bool_]
 
     @staticmethod
-    def of(map_: CycleMap, cycle: Cycle) -> CycleSensitivity:
-        """Of a cycle of a map: a stick at the nodes of Gauss's rule, a slip at its own."""
-        model, w, tangent, n = map_.model, cycle.setting, map_.tangent(cycle), cycle.start.size
+    def of(model: Model, cycle: Cycle) -> CycleSensitivity:
+        """Of a cycle: a stick at the nodes of Gauss's rule, a slip at its own."""
+        w, tangent, n = cycle.setting, tangent_of(model, cycle), cycle.start.size
         times, forwards = 0.5 * cycle.stick * (1.0 + POINTS), np.array([w[-1], w[-2], 1.0, 0.0])
         given = [np.tile(cycle.start, (times.size, 1)), np.tile(w, (times.size, 1)), times]
         rested = rest_slopes(model)(given)[0].reshape(times.size, n + 1, n + w.size + 1)[:, 1:]
@@ -201,17 +210,17 @@ def simulated_log(
     cycles, seconds = list[CycleSensitivity](), 0.0
     try:
         check_calculable(model)
-        map_, y = CycleMap.of(model, w), np.delete([state.start for state in model.states], SPEED)
+        y, batch = np.delete([state.start for state in model.states], SPEED), CycleBatch(model, w[None])
         while len(cycles) < CYCLES:
-            cycle = map_.run(y, design.speed)
+            cycle = run_cycle(model, y, w, float(batch.limit[0]))
             if cycle is None or any(part.situated.direction < 0.0 for part in cycle.slides):
                 return None
             seconds += cycle.stick + cycle.slip
             if seconds > longest and not cycles:
                 return None
-            cycles.append(CycleSensitivity.of(map_, cycle))
+            cycles.append(CycleSensitivity.of(model, cycle))
             before, y = y, np.delete(cycle.end, SPEED)
-            if seconds > longest or np.max(np.abs(y - before) / map_.scale) < REPEATS:
+            if seconds > longest or np.max(np.abs(y - before) / batch.scale[0]) < REPEATS:
                 break
     except SimulationError:
         return None

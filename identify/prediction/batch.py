@@ -1,7 +1,7 @@
 """Many cycles at once: stick and slip of rows of settings, by the steps that one cycle alone is integrated with.
 
 A row is a setting w (n_w,) = parameters, normal force [N], drive speed [m/s], with a rest state y (n_y,). Every row has
-a step length of its own; rows whose end has to be decided apart are integrated alone (`CycleMap.run`).
+a step length of its own; rows whose end has to be decided apart are integrated alone (`run_cycle`).
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from identify.prediction.orbit import (
     CREEP,
     DOUBLINGS,
     Cycle,
-    CycleMap,
     bounds_at_rest,
     rested,
+    run_cycle,
     slide_limits,
 )
 from identify.simulation.phases import FIRST, FLOOR, ROUNDING
@@ -206,9 +206,8 @@ class CycleBatch:
         refused, cycles = np.zeros(n, dtype=bool), dict[int, Cycle]()
         rests &= slip >= CREEP * np.pi * self.time
         for i in np.flatnonzero(alone).tolist():
-            map_ = CycleMap.of(self.model, self.settings[i])
             try:
-                cycle = map_.run_within(y[i], self.settings[i], float(self.limit[i]))
+                cycle = run_cycle(self.model, y[i], self.settings[i], float(self.limit[i]))
             except SimulationError:
                 refused[i], rests[i] = True, False
                 continue

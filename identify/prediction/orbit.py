@@ -16,7 +16,6 @@ from identify.model.model import ELONGATION, SPEED, Model, assemble
 from identify.model.modes import ModeName
 from identify.simulation.phases import Machine, Slide, node_slopes, situated_at, stepped
 from identify.simulation.plan import Plan, scales
-from identify.simulation.sliding import growth_rates
 from identify.simulation.steppers import HIGH
 
 Array = NDArray[np.float64]
@@ -113,83 +112,59 @@ class Tangent:
     nodes: tuple[Array, ...] = field(repr=False)
 
 
-class CycleMap:
-    """The return map of one model under one normal force [N].
+def run_cycle(model: Model, y: Array, w: Array, limit: float, rtol: float = ACCURATE) -> Cycle | None:
+    """The cycle that starts at rest in y; None when the mass does not come to rest within `limit` [s].
 
-    A rest state is written y (n_y,): the states of the model without the sliding speed.
+    Args:
+        y: rest state (n_y,), the states without the sliding speed; one beyond its bounds starts there. w: setting
+            (n_w,). rtol: relative tolerance of a step.
     """
-
-    def __init__(self, model: Model, normal_force: float, p: Array, rtol: float = ACCURATE) -> None:
-        self.model, self.rtol, self._rig = model, rtol, np.append(np.asarray(p, float), normal_force)
-        typical = scales(model, self._rig[:-1], normal_force)
-        self._typical = replace(typical, longest=min(typical.longest, DENSE * typical.time))
-        self.time, self.scale = self._typical.time, np.delete(self._typical.state, SPEED)  # typical size of y
-
-    @staticmethod
-    def of(model: Model, w: Array) -> CycleMap:
-        """The map at a setting w (n_w,), of whatever drive speed."""
-        return CycleMap(model, float(w[-2]), w[:-2])
-
-    def setting(self, drive_speed: float) -> Array:
-        """w (n_w,): parameters, normal force [N], drive speed [m/s]."""
-        return np.append(self._rig, drive_speed)
-
-    def run(self, y: Array, drive_speed: float, growth: float | None = None) -> Cycle | None:
-        """The cycle that starts at rest in y; None when the mass does not come to rest for long (`slide_limits`).
-
-        Args:
-            y: rest state (n_y,), of which a state beyond its bounds starts there. drive_speed: [m/s], positive.
-            growth: rate [1/s] of disturbances of steady sliding, where it is known.
-        """
-        w = self.setting(drive_speed)
-        rates = growth_rates(self.model, w) if growth is None else np.array([growth])
-        return self.run_within(y, w, float(slide_limits(self.model, w[None], rates)[0]))
-
-    def run_within(self, y: Array, w: Array, limit: float) -> Cycle | None:
-        """The same at a setting (n_w,) where the mass is to come to rest within `limit` [s]."""
-        machine = Machine(self.model, w[:-2], self._typical, Plan(self.rtol, (HIGH,)))
-        try:
-            start = np.insert(np.clip(y, *bounds_at_rest(self.model)), SPEED, 0.0)
-            # Longer than any stick: by then the spring alone pulls with more than a limit as strong as mu_s says.
-            k = w[self.model.parameter_names.index("stiffness")]
-            longest = 2.0 * (float(np.max(w[:2])) * w[-2] + k * abs(start[ELONGATION])) / (k * w[-1])
-            for _ in range(DOUBLINGS):
-                stick, onset, force = machine.rests.until(start, situated_at(w), longest)
-                if stick is not None:
+    typical = scales(model, w[:-2], float(w[-2]))
+    typical = replace(typical, longest=min(typical.longest, DENSE * typical.time))
+    machine = Machine(model, w[:-2], typical, Plan(rtol, (HIGH,)))
+    try:
+        start = np.insert(np.clip(y, *bounds_at_rest(model)), SPEED, 0.0)
+        # Longer than any stick: by then the spring alone pulls with more than a limit as strong as mu_s says.
+        k = w[model.parameter_names.index("stiffness")]
+        longest = 2.0 * (float(np.max(w[:2])) * w[-2] + k * abs(start[ELONGATION])) / (k * w[-1])
+        for _ in range(DOUBLINGS):
+            stick, onset, force = machine.rests.until(start, situated_at(w), longest)
+            if stick is not None:
+                break
+            longest *= 2.0
+        slides, x, t, rests = list[Slide](), onset, 0.0, False
+        mode: ModeName = "slip"
+        for _ in range(MOST_TURNS):
+            part = machine.slide(mode, x, situated_at(w, -1.0 if force < 0.0 else 1.0, t), limit - t)
+            slides.append(part)
+            x, t = part.end, part.start + part.duration
+            if part.ended_by is None:
+                break
+            mode = machine.following[mode][part.ended_by]
+            if mode == "stick":
+                mode = "slip"
+                margin, force = machine.rests.margin(x, situated_at(w))
+                rests = margin > 0.0
+                if rests:
                     break
-                longest *= 2.0
-            slides, x, t, rests = list[Slide](), onset, 0.0, False
-            mode: ModeName = "slip"
-            for _ in range(MOST_TURNS):
-                part = machine.slide(mode, x, situated_at(w, -1.0 if force < 0.0 else 1.0, t), limit - t)
-                slides.append(part)
-                x, t = part.end, part.start + part.duration
-                if part.ended_by is None:
-                    break
-                mode = machine.following[mode][part.ended_by]
-                if mode == "stick":
-                    mode = "slip"
-                    margin, force = machine.rests.margin(x, situated_at(w))
-                    rests = margin > 0.0
-                    if rests:
-                        break
-            crept = t < CREEP * float(half_periods(self.model, w[None])[0])
-            lasted = longest if stick is None else stick
-            return Cycle(start, onset, x, lasted, t, w, tuple(slides)) if rests and not crept else None
-        finally:
-            machine.close()
+        crept = t < CREEP * float(half_periods(model, w[None])[0])
+        lasted = longest if stick is None else stick
+        return Cycle(start, onset, x, lasted, t, w, tuple(slides)) if rests and not crept else None
+    finally:
+        machine.close()
 
-    def tangent(self, cycle: Cycle) -> Tangent:
-        """How a cycle moves with its start and its setting: exact derivatives of the steps that were taken."""
-        n, w, last = cycle.start.size, cycle.setting, cycle.slides[-1]
-        given = [cycle.start[None, :], w[None, :], np.array([cycle.stick])]
-        slope = rest_slopes(self.model)(given)[0].reshape(n + 1, n + w.size + 1)
-        free = np.delete(slope[:, :-1], SPEED, 1)
-        stick = -free[0] / slope[0, -1] if cycle.stick else np.zeros(free.shape[1])
-        nodes = node_slopes(self.model, cycle.slides, free[1:] + np.outer(slope[1:, -1], stick))
-        rate, fixed = stepped(self.model, last, last.x[-1:], np.zeros(1))[1][0], nodes[-1][-1]
-        slip = -fixed[SPEED] / rate[SPEED]
-        return Tangent(np.delete(fixed + np.outer(rate, slip), SPEED, 0), stick, slip, tuple(nodes))
+
+def tangent_of(model: Model, cycle: Cycle) -> Tangent:
+    """How a cycle moves with its start and its setting: exact derivatives of the steps that were taken."""
+    n, w, last = cycle.start.size, cycle.setting, cycle.slides[-1]
+    given = [cycle.start[None, :], w[None, :], np.array([cycle.stick])]
+    slope = rest_slopes(model)(given)[0].reshape(n + 1, n + w.size + 1)
+    free = np.delete(slope[:, :-1], SPEED, 1)
+    stick = -free[0] / slope[0, -1] if cycle.stick else np.zeros(free.shape[1])
+    nodes = node_slopes(model, cycle.slides, free[1:] + np.outer(slope[1:, -1], stick))
+    rate, fixed = stepped(model, last, last.x[-1:], np.zeros(1))[1][0], nodes[-1][-1]
+    slip = -fixed[SPEED] / rate[SPEED]
+    return Tangent(np.delete(fixed + np.outer(rate, slip), SPEED, 0), stick, slip, tuple(nodes))
 
 
 def rested(model: Model) -> Array:

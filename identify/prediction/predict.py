@@ -17,7 +17,7 @@ from identify.prediction.axes import Site
 from identify.prediction.batch import CycleBatch, Motions, cycle_figures
 from identify.prediction.closed_forms import CYCLE, MEANING, beyond, closed_forms, judged
 from identify.prediction.draws import DRAWS, POINT, Draws, OperatingPoint
-from identify.prediction.orbit import QUANTITIES, Cycle, CycleMap, check_calculable
+from identify.prediction.orbit import QUANTITIES, Cycle, check_calculable, run_cycle
 from identify.prediction.windows import (
     COARSE,
     Outcome,
@@ -138,29 +138,27 @@ class SolutionSet:
     windows: Windows
 
 
-def solution_set(map_: CycleMap, drive_speed: float) -> SolutionSet:
-    """The answer at drive speed [m/s], positive, and at all others.
+def solution_set(model: Model, w: Array) -> SolutionSet:
+    """The answer at a setting w (n_w,), and at all other drive speeds.
 
     Raises:
         SimulationError: the motion cannot be integrated, or there is no steady sliding.
     """
-    w = map_.setting(drive_speed)
-    (steady,) = slidings(map_.model, w)
-    batch = CycleBatch(map_.model, w[None])
+    drive_speed, (steady,), batch = float(w[-1]), slidings(model, w), CycleBatch(model, w[None])
 
     def settled(windows: Windows) -> Motions:
         """From a rested contact, else from the nearest stick-slip of the windows."""
         motions, near = batch.settle(batch.rested()), windows.near(drive_speed)
         return motions if motions.sticks[0] or near is None else batch.settle(near[None])
 
-    windows = speed_windows(map_.model, w)
+    windows = speed_windows(model, w)
     motions, (low, high) = settled(windows), windows.searched
     if bool(motions.sticks[0]) != (windows.near(drive_speed) is not None) or not low <= drive_speed <= high:
         # A window narrower than the grid, or a speed at the very edge of one: this speed is a node then.
-        windows = speed_windows(map_.model, w, (drive_speed,))
+        windows = speed_windows(model, w, (drive_speed,))
         motions = settled(windows)
     sticks, y = bool(motions.sticks[0]), motions.y[0]
-    cycle = map_.run(y, drive_speed, steady.growth) if motions.periodic[0] else None
+    cycle = run_cycle(model, y, w, float(batch.limit[0])) if motions.periodic[0] else None
     outcome = outcome_of(cycle is not None, sticks, steady.stable)
     return SolutionSet(outcome, cycle, y if sticks else None, steady, windows)
 
@@ -304,8 +302,7 @@ def _prediction(
     if unknown:
         raise SimulationError(f"the covariance names {unknown[0]!r}; the model has {', '.join(model.parameter_names)}")
     speed, load = site.drive_speed, site.normal_force
-    map_ = CycleMap.of(model, site.setting)
-    answer = solution_set(map_, speed)
+    answer = solution_set(model, site.setting)
     values = {**site.values, "drive_speed": speed, "normal_force": load}
     drawn = None
     if point.covariance is not None and names:
@@ -333,7 +330,8 @@ def _prediction(
         no_end = f"no stick-slip was found at any drive speed from {slowest} to {fastest}"
     growth = number(steady.growth, "1/s", MODEL)
     if drawn is not None:
-        growth = drawn.draws.number(steady.growth, "1/s", MODEL, drawn.batch.growth, QUIET / map_.time)
+        natural = float(np.sqrt(site.values["stiffness"] / site.values["mass"]))
+        growth = drawn.draws.number(steady.growth, "1/s", MODEL, drawn.batch.growth, QUIET * natural)
     stability = StabilityAnswer(
         outcome=answer.outcome.value,
         critical_speed=(between[-1].high if between else None) or number(None, "m/s", no_end),

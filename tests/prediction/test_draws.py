@@ -18,7 +18,6 @@ from identify import Scene
 from identify.base.document import to_dict
 from identify.prediction.axes import Site
 from identify.prediction.draws import LEAST_DRAWS, Draws, OperatingPoint
-from identify.prediction.orbit import CycleMap
 from identify.prediction.predict import DrawAnswers, predict, predictions, solution_set
 from identify.prediction.sources import stated
 from identify.prediction.windows import speed_windows
@@ -67,7 +66,7 @@ def test_skew_intervals_are_those_of_an_independent_monte_carlo(change):
 @pytest.mark.slow
 def test_ends_of_draws_are_those_of_their_own_windows():
     """Of pairs far from the estimate, and of the outer draws, which are closed in on; orders of the rest are kept."""
-    answer = solution_set(CycleMap.of(MODEL, Site(MODEL, DEMO, 1e-3, 1.0).setting), 1e-3)
+    answer = solution_set(MODEL, Site(MODEL, DEMO, 1e-3, 1.0).setting)
     draws = Draws.of(MODEL, PAIR | {"drive_speed": 1e-3}, study.NAMES, known_to(PAIR, 0.1), 10)
     (part,) = answer.windows.sticking
     ends = DrawAnswers(draws, answer).limit(part, True)

@@ -9,7 +9,6 @@ from identify import Scene, examples
 from identify.base.result import Result
 from identify.cli.operating import points_of
 from identify.prediction.batch import cycle_figures
-from identify.prediction.orbit import CycleMap
 from identify.prediction.predict import predict
 from identify.prediction.sources import pair_of
 from tests.support.maps_case import settled_cycle
@@ -59,8 +58,8 @@ def drop_at(group, speed, changed=0.0):
     scene = Scene.from_toml(examples.SCENE)
     values = scene.values() | dict(zip(names, moved.tolist(), strict=True))
     values["mu_k0"] = MU_K0
-    map_ = CycleMap(scene.model, 1.0, np.array([values[name] for name in scene.model.parameter_names]))
-    return cycle_figures(scene.model, settled_cycle(map_, speed))[0]
+    w = np.array([*(values[name] for name in scene.model.parameter_names), 1.0, speed])
+    return cycle_figures(scene.model, settled_cycle(scene.model, w))[0]
 
 
 def spread_of_drop(group, speed):

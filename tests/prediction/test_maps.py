@@ -14,7 +14,6 @@ from identify.base.errors import SimulationError
 from identify.model.model import assemble
 from identify.prediction.axes import Site, admissible, axis, check_axes, moved
 from identify.prediction.maps import Boundary, line_map, plane, stability_map
-from identify.prediction.orbit import CycleMap
 from identify.prediction.predict import solution_set
 from identify.prediction.windows import Border
 from tests.support.maps_case import ALL, DEMO, SITE, SPANS
@@ -108,7 +107,7 @@ def test_nodes_of_a_map_are_the_single_answers(speed_and_stiffness):
     for j, i in ((0, 0), (3, 2), (3, 5), (1, 8)):
         grid = made.plane
         w = moved(SITE, {"drive_speed": grid.x_values[i], "stiffness": grid.y_values[j]})
-        answer = solution_set(CycleMap(SITE.model, w[-2], w[:-2]), w[-1])
+        answer = solution_set(SITE.model, w)
         assert made.outcomes[j, i] == answer.outcome.value
         if answer.cycle is None:
             assert np.isnan(made.figures["drop"][j, i])

@@ -15,7 +15,7 @@ from identify.model.model import assemble
 from identify.prediction.batch import CycleBatch, cycle_figures
 from identify.prediction.closed_forms import closed_forms
 from identify.prediction.draws import OperatingPoint
-from identify.prediction.orbit import QUANTITIES, CycleMap, check_calculable
+from identify.prediction.orbit import QUANTITIES, check_calculable, run_cycle, tangent_of
 from identify.prediction.predict import predict, predictions, solution_set
 from identify.prediction.windows import Outcome
 from identify.simulation.simulate import run
@@ -43,13 +43,14 @@ def values_of(effects=MAIN, /, **changes):
     return {q.name: q.default for q in model.parameters} | known | changes
 
 
-def map_of(effects=MAIN, /, rtol=1e-8, **changes):
+def setting_of(speed, effects=MAIN, /, **changes):
+    """Model and setting (n_w,) at a drive speed."""
     model, values = assemble(effects), values_of(effects, **changes)
-    return CycleMap(model, LOAD, np.array([values[name] for name in model.parameter_names]), rtol)
+    return model, np.array([*(values[name] for name in model.parameter_names), LOAD, speed])
 
 
-def figures(map_, cycle):
-    return dict(zip(QUANTITIES, cycle_figures(map_.model, cycle).tolist(), strict=True))
+def figures(model, cycle):
+    return dict(zip(QUANTITIES, cycle_figures(model, cycle).tolist(), strict=True))
 
 
 def asked(speed, effects=MAIN, /, **changes):
@@ -58,33 +59,32 @@ def asked(speed, effects=MAIN, /, **changes):
 
 def test_bistable_is_both():
     """At 15 mm/s the same pair goes on sticking and goes on sliding; at 5 mm/s sliding does not last."""
-    map_ = map_of()
-    assert solution_set(map_, 15e-3).outcome is Outcome.BISTABLE
+    assert solution_set(*setting_of(15e-3)).outcome is Outcome.BISTABLE
     for speed, sticks in ((15e-3, False), (5e-3, True)):
-        x, v, gamma = slidings(map_.model, map_.setting(speed))[0].state
+        x, v, gamma = slidings(*setting_of(speed))[0].state
         seen = oracle.simulate(DEMO, speed, LOAD, 2.0, (float(x), 1.02 * float(v), float(gamma)))
         assert (seen.arrests.size > 0) is sticks
-    y = np.delete(settled_cycle(map_, 15e-3).start, 1)
+    y = np.delete(settled_cycle(*setting_of(15e-3)).start, 1)
     assert oracle.simulate(DEMO, 15e-3, LOAD, 2.0, (float(y[0]), 0.0, float(y[1]))).arrests.size > 20
 
 
 @pytest.mark.parametrize("speed", [1e-6, 8e-5, 2e-2])
 @pytest.mark.parametrize("delta", [-0.13, 0.05])
 def test_sliding_has_the_eigenvalues_of_the_closed_form(speed, delta):
-    map_, pair = map_of(delta_mu_k=delta), SimpleNamespace(**{**DEMO, "delta_mu_k": delta})
-    ours = slidings(map_.model, map_.setting(speed))[0].eigenvalues
+    pair = SimpleNamespace(**{**DEMO, "delta_mu_k": delta})
+    ours = slidings(*setting_of(speed, delta_mu_k=delta))[0].eigenvalues
     theirs = stability.eigenvalues(pair, pair, speed, LOAD)
     assert np.allclose(ours, theirs[: ours.size], rtol=1e-9) and np.isnan(theirs[ours.size :]).all()
 
 
 def test_without_weakening_and_ageing_the_closed_forms_are_exact():
     effects = ("inertia", "hysteresis_damping")
-    map_ = map_of(effects)
-    found = figures(map_, settled_cycle(map_, 1e-3))
-    forms = closed_forms({n: DEMO[n] for n in map_.model.parameter_names} | {"drive_speed": 1e-3, "normal_force": LOAD})
+    model, w = setting_of(1e-3, effects)
+    found = figures(model, settled_cycle(model, w))
+    forms = closed_forms({n: DEMO[n] for n in model.parameter_names} | {"drive_speed": 1e-3, "normal_force": LOAD})
     for name in ("drop", "period", "slip_duration", "peak_speed"):
         assert found[name] == pytest.approx(float(forms.numbers[name]), rel=1e-6)
-    assert solution_set(map_, 1e-3).windows.end == pytest.approx(float(forms.numbers["critical_speed"]), rel=5e-4)
+    assert solution_set(model, w).windows.end == pytest.approx(float(forms.numbers["critical_speed"]), rel=5e-4)
     # Negative control: with ageing and weakening they are far off, or have no answer, and give no number.
     off = asked(1e-3, a=200.0)["closed_forms"]
     assert off["drop"]["validity"].startswith("not valid here: off by") and "drop" not in off["text"]
@@ -100,12 +100,12 @@ def test_closed_forms_say_which_effects_they_do_not_know():
 
 @pytest.mark.parametrize("speed", [1e-4, 1e-3, 20e-3])
 def test_peak_to_valley_is_what_a_load_cell_would_see(speed):
-    map_ = map_of()
-    cycle = settled_cycle(map_, speed)
+    model, w = setting_of(speed)
+    cycle = settled_cycle(model, w)
     y, period = np.delete(cycle.start, 1), cycle.stick + cycle.slip
     seen = oracle.simulate(DEMO, speed, LOAD, 1.2 * period, (float(y[0]), 0.0, float(y[1])))
     force = seen.force(np.linspace(seen.onsets[0], seen.arrests[0], 400_001))
-    found = figures(map_, cycle)
+    found = figures(model, cycle)
     assert found["peak_to_valley"] == pytest.approx(np.ptp(force), rel=1e-6)
     assert (found["peak_to_valley"] > 4.0 * found["drop"]) is (speed == 20e-3)  # near the end the drop fades
 
@@ -113,36 +113,35 @@ def test_peak_to_valley_is_what_a_load_cell_would_see(speed):
 @pytest.mark.parametrize("case", CASES)
 def test_orbits_are_what_a_long_simulation_settles_on(case):
     effects, more = CASES[case]
-    map_ = map_of(effects, **more)
-    found = figures(map_, solution_set(map_, 1e-3).cycle)
-    motion = run(map_.model, values_of(effects, **more), 1e-3, LOAD, 40 * found["period"])
+    model, w = setting_of(1e-3, effects, **more)
+    found = figures(model, solution_set(model, w).cycle)
+    motion = run(model, values_of(effects, **more), 1e-3, LOAD, 40 * found["period"])
     onset = motion.onsets[-3]
     arrest = motion.arrests[motion.arrests > onset][0]
     force = motion.sample([onset, arrest])["force"]
     assert found["drop"] == pytest.approx(force[0] - force[1], rel=1e-5)
     assert found["period"] == pytest.approx(motion.onsets[-2] - onset, rel=1e-5)
     # the effect is felt: the paper's pair has another drop, but where the damper only has another frequency
-    plain = figures(map_of(), settled_cycle(map_of(), 1e-3))
+    plain = figures(setting_of(1e-3)[0], settled_cycle(*setting_of(1e-3)))
     assert (abs(found["drop"] / plain["drop"] - 1) > 0.01) == (case != "driven damping")
 
 
 @pytest.mark.parametrize("case", ["plain", "skin"])
 def test_derivatives_of_a_cycle_are_those_of_cycles_run_again(case):
     """By the rest state before it and by the setting, of the state after it and of both durations."""
-    map_ = map_of(CASES.get(case, (MAIN, {}))[0], rtol=1e-11)
-    cycle = settled_cycle(map_, 1e-3)
-    tangent, y = map_.tangent(cycle), np.delete(cycle.start, 1)
+    model, w = setting_of(1e-3, CASES.get(case, (MAIN, {}))[0])
+    cycle = settled_cycle(model, w, rtol=1e-11)
+    tangent, y = tangent_of(model, cycle), np.delete(cycle.start, 1)
     given = np.append(y, cycle.setting)
-    sizes = np.append(map_.scale, cycle.setting)
+    scale = CycleBatch(model, w[None]).scale[0]
+    sizes = np.append(scale, cycle.setting)
     told = np.vstack([tangent.end, tangent.stick, tangent.slip]) * sizes
-    parameters = [y.size + map_.model.parameter_names.index(name) for name in ("mu_s", "a", "mass")]
+    parameters = [y.size + model.parameter_names.index(name) for name in ("mu_s", "a", "mass")]
     for i in [*range(y.size), *parameters, given.size - 1]:
         ends = []
         for step in (1e-5, -1e-5):
             moved = given + step * sizes[i] * np.eye(given.size)[i]
-            other = CycleMap.of(map_.model, moved[y.size :])
-            other.rtol = 1e-11
-            again = other.run_within(moved[: y.size], moved[y.size :], 1.0)
+            again = run_cycle(model, moved[: y.size], moved[y.size :], 1.0, 1e-11)
             ends.append(np.append(np.delete(again.end, 1), [again.stick, again.slip]))
         off = np.abs((ends[0] - ends[1]) / 2e-5 - told[:, i])
         assert np.all(off < 1e-3 * np.abs(told[:, i]) + 1e-5 * np.max(np.abs(told), axis=1)), (i, off)
@@ -151,8 +150,8 @@ def test_derivatives_of_a_cycle_are_those_of_cycles_run_again(case):
 def test_a_stick_with_transients_ends_at_its_first_chance():
     """The skin relaxes faster than the contact ages, and the drive is slow: the contact may break loose at once, or
     only after it has outgrown the pull for a while."""
-    map_, speed = map_of((*MAIN, "skin_compliance"), rtol=1e-6), 1e-4
-    w, model = map_.setting(speed), map_.model
+    speed = 1e-4
+    model, w = setting_of(speed, (*MAIN, "skin_compliance"))
     times = np.concatenate([np.linspace(0.0, 0.05, 5001), np.linspace(0.05, 8.0, 5001)[1:]])
     ones, crossings = np.ones(times.size), set()
     u = np.stack([speed * ones, LOAD * ones, ones, 0.0 * ones])
@@ -164,7 +163,7 @@ def test_a_stick_with_transients_ends_at_its_first_chance():
             if grip[0] <= pull[0]:
                 continue
             first = int(np.argmax(grip < pull))
-            found = map_.run(np.delete(start, 1), speed).stick
+            found = run_cycle(model, np.delete(start, 1), w, 10.0, 1e-6).stick
             assert found == pytest.approx(times[first], abs=times[first] - times[first - 1])
             crossings.add(int(np.sum(np.diff(np.sign(grip - pull)) != 0)))
     assert {1, 3} <= crossings, "sticks with one and with several chances were looked at"
@@ -179,8 +178,8 @@ def test_every_effect_settles_on_an_answer_or_is_refused_by_name(effect):
         with pytest.raises(SimulationError, match=f"effect {effect}"):
             check_calculable(assemble(effects))
         return
-    map_ = map_of(effects)
-    batch = CycleBatch(map_.model, map_.setting(2e-3)[None])
+    model, w = setting_of(2e-3, effects)
+    batch = CycleBatch(model, w[None])
     motions = batch.settle(batch.rested())
     assert motions.periodic[0] or (not motions.sticks[0] and batch.growth[0] < 0.0)
 
