@@ -126,7 +126,7 @@ def classify(
         if phases.count == 0 and phases.phase.size and not phases.share(SLIDING):
             return Verdict(None, SURE, ("the force only rises: no slip has come yet",), phases)
         if phases.phase.size < FEWEST:
-            return Verdict(None, 0.5, (f"{phases.phase.size} rows are too few to tell",), phases)
+            return Verdict(None, 0.5, (f"{phases.phase.size} rows are too few to judge a regime",), phases)
         shape = _Shape.of(time, force, phases)
         slips, confidence, evidence = _discriminate(shape, phases, known)
         if slips and not phases.slides_on(phases.count):

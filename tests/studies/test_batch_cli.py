@@ -78,7 +78,9 @@ def test_a_batch_begun_again_refits_nothing(batched, folder, capsys):
 
 def test_every_complaint_is_told_and_nothing_is_begun(folder, capsys):
     case = write_case(folder, ["G1"])
-    case[0].write_text("path,group,drive_speed,rig.mass\nlog_0_0.csv,G1,1 mm/s,-1 kg\nnone.csv,G1,,\n")
+    case[0].write_text(
+        "path,group,drive_speed,rig.mass\nlog_0_0.csv,G1,1 mm/s,-1 kg\nlog_0_0.csv,G2,,\nnone.csv,G1,,\n"
+    )
     asked = ["batch", case[0], "--scene", case[1], "--out", "out"]
     code, out, words = stickslip(capsys, *asked)
     assert (code, out) == (2, "") and "Traceback" not in words and not Path("out").exists()

