@@ -9,27 +9,36 @@ from identify import examples
 from identify.base.result import Result
 from identify.cli import main as cli
 from identify.cli.fit import compare
+from tests.cli.test_every_subset import scene_text
 from tests.support.command import refused, simulated, stickslip
 from tests.support.fake_fit import failed, fake_fit
 
 
 @pytest.fixture(scope="module")
 def fitted(tmp_path_factory):
-    """The result folder of a fit of two example logs."""
-    out = tmp_path_factory.mktemp("fit") / "Prüfstand 1"
-    logs = ["1_mm_per_s.txt.gz", "0.1_mm_per_s.txt.gz"]
-    assert cli.main(["fit", *logs, "--scene", str(examples.SCENE), "--out", str(out)]) == 0
-    return out
+    """The result folder of a fit of a simulated log, of which the two friction levels are searched."""
+    place, names = tmp_path_factory.mktemp("Prüfstand 1"), ("inertia", "contact_ageing", "velocity_weakening")
+    scene, log, out = (str(place / name) for name in ("scene.toml", "log.csv", "out"))
+    Path(scene).write_text(scene_text(names), encoding="utf-8")
+    simulation = ["--duration", "1.5 s", "--rate", "1 kHz", "--noise", "5 mN", "--out", log]
+    assert cli.main(["simulate", "--scene", scene, *simulation]) == 0
+    assert cli.main(["fit", "--scene", scene, "--out", out]) == 0
+    return Path(out)
 
 
 def test_a_fit_leaves_its_folder_and_finds_the_truth(fitted):
     names = {item.name for item in fitted.iterdir()}
     assert names == {"result.json", "report.html", "result.h5", "figures", "classical.csv", "parameters.tex"}
     result = json.loads((fitted / "result.json").read_text())
-    truth = json.loads(examples.TRUTH.read_text())["parameters"]
-    for name, value in truth.items():
+    for name, value in (("mu_s", 0.5), ("mu_k0", 0.35)):
         entry = result["parameters"][name]
         assert entry["verdict"] == "identified" and abs(entry["value"] - value) < 4 * entry["standard_error"]
+
+
+def test_calculators_carry_the_uncertainty_of_a_fit(fitted, folder, capsys):
+    code, out, _ = stickslip(capsys, "amplitude", "--result", fitted / "result.json", "--json")
+    drop = json.loads(out)["points"][0]["amplitude"]["drop"]
+    assert code == 0 and drop["interval"][0] < drop["value"] < drop["interval"][1]
 
 
 def test_a_stored_fit_is_verified(fitted, folder, capsys):
