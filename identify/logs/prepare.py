@@ -166,8 +166,6 @@ def _drive(rig: Rig, entry: LogEntry, record: Record) -> Drive:
 def _refuse_too_few(entry: LogEntry, record: Record, used: Bools) -> None:
     """Refuse a log of which hardly a sample (n,) is left; what took them away decides the remedy."""
     name, left = name_of(entry), int(np.count_nonzero(used))
-    if left >= FEWEST:
-        return
     time, (start, stop), end = record.time, entry.window or (0.0, np.inf), float(record.time[-1])
     inside = int(np.count_nonzero((time >= start) & (time <= stop)))
     if inside < FEWEST <= time.size:
@@ -176,9 +174,9 @@ def _refuse_too_few(entry: LogEntry, record: Record, used: Bools) -> None:
             f"{name}: the window {start:g} to {stop:g} s holds {inside} row(s); the log runs from 0 to {end:.6g} s"
             f"{zero_of_times(record)}; {remedy}"
         )
-    if entry.exclude and inside >= FEWEST:
-        raise FitError(f"{name}: exclude leaves {left} of {inside} samples; expected hundreds: exclude less")
-    raise FitError(f"{name} has {left} usable samples; expected hundreds: record longer, or sample faster")
+    if left < FEWEST:
+        remedy = "exclude less" if entry.exclude and inside >= FEWEST else "record longer, or sample faster"
+        raise FitError(f"{name} has {left} usable samples of {inside}; expected hundreds: {remedy}")
 
 
 def _moves(drive: Drive, time: Array) -> Bools:
@@ -228,42 +226,32 @@ class FitMode:
     rhythm: ForceOscillation | None = None
 
 
-@dataclass(frozen=True)
-class ForceRecord:
-    """What a log moves by: time [s], force [N] and load [N], (n,) each, NaN where a sample does not count; noise: its
-    standard deviation [N]; half_period: half the natural period of the rig [s], 0 where it is not known; the drive;
-    stiffness [N/m], 0 where it is not known, or something else makes the mass swing."""
-
-    time: Array
-    force: Array
-    load: Array
-    noise: float
-    half_period: float
-    drive: Drive
-    stiffness: float
-
-
-def fit_mode_of(record: ForceRecord, phases: Segmentation, falls: Array) -> FitMode:
-    """How a log is followed; found: its phases; falls: of its cycles [s]."""
-    time, force, noise, drive = record.time, record.force, record.noise, record.drive
+def fit_mode_of(log: Segmented, phases: Segmentation, falls: Array, stiffness: float) -> FitMode:
+    """How a log is followed, or a stretch of it with its own phases; falls: of its cycles [s]; stiffness [N/m], 0 where
+    something else makes the mass swing."""
+    time, force, noise, drive, half_period = log.time, log.measured, log.noise, log.drive, log.rig.half_period or 0.0
     if drive.constant and not phases.slides_on(falls.size):
         return FitMode("cycles", low_snr=phases.low_snr and falls.size > 0)
-    settled = steady_since(time, force, noise, record.half_period)
+    settled = steady_since(time, force, noise, half_period)
     if settled is not None and drive.constant and phases.stick_slope is not None:
         # A slip near the end of a slow log leaves a stick too short to be seen to rise.
         late = np.isfinite(force) & (time >= settled)
         rises = line_slope(time[late], force[late], noise)
         if rises >= phases.stick_slope[0] - LEVEL * slope_error(time[late], noise):
             settled = None
-    begins = bool(phases.phase.size and phases.phase[0] == SLIDING) and _starts_loaded(record)
+    begins, good = bool(phases.phase.size and phases.phase[0] == SLIDING), np.isfinite(force)
+    if begins and good.any():  # near the level that it has while the drive moves, and not with a first rise
+        f, moves = kept(force, good), _moves(drive, kept(time, good))
+        loaded = 0.5 * float(np.median(thinned(f[moves] if np.any(moves) else f)))
+        begins = bool(np.median(f[: max(f.size // 100, 3)]) > loaded and np.min(f[:5]) > loaded - LEVEL * noise)
     fit_mode = FitMode("continuous", settled, begins)
     if drive.constant and falls.size == 0:
         rise = int(np.argmax(phases.phase != STICK)) if phases.phase.size and phases.phase[0] == STICK else 0
         fit_mode = FitMode("sliding", settled, begins) if begins or rise < 5 else fit_mode
     if settled is None:
         return fit_mode
-    late, known = time >= settled, Known(record.stiffness, drive.at(float(time[-1])), record.half_period)
-    rhythm = hidden_rhythm(time[late], force[late], record.load[late], known)
+    late, known = time >= settled, Known(stiffness, drive.at(float(time[-1])), half_period)
+    rhythm = hidden_rhythm(time[late], force[late], log.load[late], known)
     return fit_mode if rhythm is None else replace(fit_mode, steady_since=None, rhythm=rhythm)
 
 
@@ -296,24 +284,13 @@ def moving_pieces(drive: Drive, begin: float, end: float) -> list[tuple[float, f
     return [(a, b, drive.at(0.5 * (a + b))) for a, b in edges if drive.at(0.5 * (a + b)) > 0.0]
 
 
-def _starts_loaded(record: ForceRecord) -> bool:
-    """Whether a force begins near the level that it has while the drive moves, and not with a first rise."""
-    good = np.isfinite(record.force)
-    if not np.any(good):
-        return False
-    t, f = kept(record.time, good), kept(record.force, good)
-    moves = _moves(record.drive, t)
-    loaded = 0.5 * float(np.median(thinned(f[moves] if np.any(moves) else f)))
-    return bool(np.median(f[: max(f.size // 100, 3)]) > loaded and np.min(f[:5]) > loaded - LEVEL * record.noise)
-
-
-def fitted_window(record: ForceRecord, phases: Segmentation, fit_mode: FitMode, skip: int = 0) -> tuple[float, float]:
+def fitted_window(log: Segmented, phases: Segmentation, fit_mode: FitMode, skip: int = 0) -> tuple[float, float]:
     """The part of a record that a fit takes: begin and end [s].
 
     A record may start before the drive does, or in the middle of a slip; both are cut off. After `skip` cycles
     (running-in) it starts in the stick that follows them; what slides is taken from where it is steady on.
     """
-    cycles, begin, end = phases.cycles, float(record.time[0]), float(record.time[-1])
+    cycles, begin, end = phases.cycles, float(log.time[0]), float(log.time[-1])
     if fit_mode.name == "sliding" and fit_mode.steady_since is not None:
         return fit_mode.steady_since, end
     if fit_mode.name == "sliding" or fit_mode.begins_sliding or (fit_mode.name == "cycles" and not cycles.count):
@@ -325,21 +302,21 @@ def fitted_window(record: ForceRecord, phases: Segmentation, fit_mode: FitMode, 
             return arrest + 0.3 * (onset - arrest), end
         first = float(cycles.onset[0])
         if phases.begins_in_slip:
-            begin = float(record.time[np.flatnonzero(resting & (record.time < first))[:1]].sum()) or begin
+            begin = float(log.time[np.flatnonzero(resting & (log.time < first))[:1]].sum()) or begin
             begin += 0.3 * (first - begin)
     else:
-        first = end if np.all(resting) else float(record.time[int(np.argmin(resting))])
+        first = end if np.all(resting) else float(log.time[int(np.argmin(resting))])
         first = min([first, *cycles.onset[:1].tolist()])
         # While the drive stands, or starts anew, a force that only rises is no straight line.
-        if max((a for a, _, _ in moving_pieces(record.drive, begin, end) if a < first), default=begin) > begin:
+        if max((a for a, _, _ in moving_pieces(log.drive, begin, end) if a < first), default=begin) > begin:
             return begin, end
-    return max(begin, _loading_start(record, begin, first)), end
+    return max(begin, _loading_start(log, begin, first)), end
 
 
-def _loading_start(record: ForceRecord, begin: float, onset: float) -> float:
+def _loading_start(log: Segmented, begin: float, onset: float) -> float:
     """Where the straight loading line of the first stick begins: earlier samples do not lie on it."""
-    rows = np.isfinite(record.force) & (record.time >= begin) & (record.time <= onset)
-    t, f = record.time[rows], record.force[rows]
+    rows = np.isfinite(log.measured) & (log.time >= begin) & (log.time <= onset)
+    t, f = log.time[rows], log.measured[rows]
     if not t.size:
         return begin
     width = max(min(t.size // 10, 25), 1)
@@ -347,7 +324,7 @@ def _loading_start(record: ForceRecord, begin: float, onset: float) -> float:
     low, high = float(np.min(flat)), float(np.max(flat))
     lowest, lower, upper = (int(np.flatnonzero(flat <= low + share * (high - low))[-1]) + width // 2 for share in RISE)
     # Before an onset that ends a short rise the mass slips long since: only the lower end of it is of the stick.
-    if t.size < SHORT_RISE or onset - begin < SHORT_LOADING * record.half_period:
+    if t.size < SHORT_RISE or onset - begin < SHORT_LOADING * (log.rig.half_period or 0.0):
         return float(t[lowest])
     late = slice(lower, max(upper, lower + 3))  # by force and not by time: however long the machine waited before it
     early = slice(0, lower)
@@ -358,7 +335,7 @@ def _loading_start(record: ForceRecord, begin: float, onset: float) -> float:
     (slope, height), unscaled = np.polyfit(t[late] - middle, f[late], 1, cov="unscaled")
     off = running_means(f[early] - height - slope * (t[early] - middle), width)
     # The line itself is uncertain where it is extrapolated.
-    sd = record.noise * np.sqrt(1.0 / width + unscaled[1, 1] + unscaled[0, 0] * (centre - middle) ** 2)
+    sd = log.noise * np.sqrt(1.0 / width + unscaled[1, 1] + unscaled[0, 0] * (centre - middle) ** 2)
     wrong = np.flatnonzero(np.abs(off) > (LEVEL + 1.0) * sd)
     if wrong.size == 0:
         return begin
@@ -501,11 +478,9 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
     part = RecordPart(log.time, log.measured, log.phases, expected, log.load)
     judgement = judge(log.record, [part], scene.thresholds, log.used)
     stiffness = 0.0 if model.vibrates else log.rig.stiffness  # else the mass swings with something else
-    half_period, skip = log.rig.half_period or 0.0, entry.skip_cycles
-    moving = ForceRecord(log.time, log.measured, log.load, log.noise, half_period, log.drive, stiffness)
-    falls = log.phases.cycles.fall[skip:]
-    fit_mode = fit_mode_of(moving, log.phases, falls)
-    window = fitted_window(moving, log.phases, fit_mode, skip)
+    falls = log.phases.cycles.fall[entry.skip_cycles :]
+    fit_mode = fit_mode_of(log, log.phases, falls, stiffness)
+    window = fitted_window(log, log.phases, fit_mode, entry.skip_cycles)
     load, hidden = _load(log, window, judgement, scene, follows=model.follows_load)
     prepared = Prepared(
         record=log.record,
@@ -527,7 +502,7 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
     )
     if fit_mode.name == "sliding":
         return replace(prepared, data=_as_sure_as_its_level(prepared, prepared.data))
-    return replace(prepared, pieces=_pieces(prepared, moving)) if fit_mode.name == "continuous" else prepared
+    return replace(prepared, pieces=_pieces(prepared, log, stiffness)) if fit_mode.name == "continuous" else prepared
 
 
 def _account(raw: Record, log: Segmented, begin: float) -> RecordEdits:
@@ -595,18 +570,18 @@ def _data(log: Segmented, load: LoadSpline, window: tuple[float, float], unknown
     )
 
 
-def _pieces(log: Prepared, moving: ForceRecord) -> tuple[Prepared, ...]:
+def _pieces(log: Prepared, whole: Segmented, stiffness: float) -> tuple[Prepared, ...]:
     """The stretches of one speed in which cycles repeat, or the mass slides steadily: what a start is taken from."""
-    data, out = log.data, []
+    data, half_period, out = log.data, whole.rig.half_period or 0.0, []
     for start, stop, speed in moving_pieces(data.programme or Drive((0.0,), (data.drive_speed,)), data.begin, data.end):
         rows = slice(*np.searchsorted(data.time, [start, stop]))
         time, force = data.time[rows], np.where(data.weight[rows] > 0, data.force[rows], np.nan)
-        verdict = classify(time, force, Known(moving.stiffness, speed, moving.half_period), noise=moving.noise)
-        phases, load = verdict.phases, log.record.normal_force[rows]
+        verdict = classify(time, force, Known(stiffness, speed, half_period), noise=whole.noise)
+        phases = verdict.phases
         if phases.low_snr:
-            phases = segment(time, force, half_period=moving.half_period or None, noise=moving.noise)
-        part = replace(moving, time=time, force=force, load=load, drive=Drive.of(speed))
-        fit_mode, falls = fit_mode_of(part, phases, phases.cycles.fall), np.empty(0)
+            phases = segment(time, force, half_period=half_period or None, noise=whole.noise)
+        part = replace(whole, time=time, measured=force, drive=Drive.of(speed))
+        fit_mode, falls = fit_mode_of(part, phases, phases.cycles.fall, stiffness), np.empty(0)
         if fit_mode.name == "cycles" and phases.count >= FEW_SLIPS:
             falls = phases.cycles.fall
         elif fit_mode.name != "cycles" and fit_mode.steady_since is not None:

@@ -290,8 +290,13 @@ def _traced(time: Array, force: Array, noise: float, half_period: float | None, 
     width = 1 if half_period is None else max(1, int(NARROW * half_period)) | 1
     best, quiet = None, 0.0
     while best is None or width <= widest:
-        values = smooth(force, width)
-        left = _left_by_averaging(values, noise, width)
+        values, left = smooth(force, width), noise / sqrt(width)
+        means = values[width // 2 :: width][: force.size // width]
+        if width >= 3 and means.size >= 30:
+            # Noise with a memory leaves more: the quietest tenth of second differences (most may hold a slip) is below
+            # 0.01579 sd^2.
+            seen = sqrt(float(np.quantile(np.diff(means, 2) ** 2, 0.1)) / 0.01579 / 6.0)
+            left = left if seen < COLOURED * left else min(seen, MOST_COLOURED * noise)
         threshold = max((_span_of_noise(force.size / width) + 1.0) * left, 1e-9 * float(np.ptp(force)))
         empty = _Trace(time, force, noise, values, width, threshold, none, none, False)
         trace = _with_falls(empty, threshold, CONFIRMED_SD * left)
@@ -327,17 +332,6 @@ def _traced(time: Array, force: Array, noise: float, half_period: float | None, 
 def _span_of_noise(averages: float) -> float:
     """How many standard deviations white noise alone hardly ever spans in so many averages."""
     return 2.0 * sqrt(2.0 * log(max(averages, 8.0)))
-
-
-def _left_by_averaging(smoothed: Array, noise: float, width: int) -> float:
-    """Standard deviation that noise, maybe with a memory, leaves in an average over so many samples (n,) [N]."""
-    white = noise / sqrt(width)
-    means = smoothed[width // 2 :: width][: smoothed.size // width]
-    if width < 3 or means.size < 30:
-        return white
-    # Second differences of the means of stretches; most may hold a slip: the quietest tenth is below 0.01579 sd^2.
-    seen = sqrt(float(np.quantile(np.diff(means, 2) ** 2, 0.1)) / 0.01579 / 6.0)
-    return white if seen < COLOURED * white else min(seen, MOST_COLOURED * noise)
 
 
 def _with_falls(trace: _Trace, threshold: float, last_rise: float) -> _Trace:
@@ -494,42 +488,36 @@ def _loading_knee(trace: _Trace) -> int:
 def _cycles(trace: _Trace) -> DetectedCycles:
     """The slips with forces from local fits and interpolated falls."""
     rows = []
+
+    def span(rise: int) -> int:  # how many samples of a rise count for the level at its end
+        return min(max(int(0.15 * rise), 4), 40, rise)
+
     for i in np.flatnonzero(trace.slips):
         peak, valley = int(trace.peaks[i]), int(trace.valleys[i])
         before = int(trace.valleys[i - 1]) if i else 0
         after = int(trace.peaks[i + 1]) if i + 1 < trace.peaks.size else trace.last
         inward = int(0.08 * (valley - peak))
-        high = _level(trace.force, peak - _span(peak - before), peak + inward, peak)
-        low = _level(trace.force, valley - inward, valley + _span(after - valley), valley)
-        fall = slice(peak, valley + 1)
-        middle = _crossing(trace.time[fall], trace.force[fall], trace.coarse[fall], 0.5 * (high + low), high - low)
-        rows.append((trace.time[peak], high, middle, trace.time[valley], low))
+        high = _level(trace.force, peak - span(peak - before), peak + inward, peak)
+        low = _level(trace.force, valley - inward, valley + span(after - valley), valley)
+        fall, middle = slice(peak, valley + 1), 0.5 * (high + low)
+        time, force = trace.time[fall], trace.force[fall]
+        below = max(int(np.argmax(force < middle)) if np.any(force < middle) else force.size - 1, 1)
+        share = (middle - force[below]) / max(force[below - 1] - force[below], 1e-300)
+        crossed = float(time[below] - (time[below] - time[below - 1]) * min(max(share, 0.0), 1.0))
+        steep = np.flatnonzero(np.abs(trace.coarse[fall] - middle) < 0.25 * (high - low))
+        if steep.size >= 4:  # by a line, to a fraction of a sample
+            t, f = time[steep], force[steep]
+            steepness = float((t - t.mean()) @ (f - f.mean()) / np.sum((t - t.mean()) ** 2))
+            if steepness < 0:
+                crossed = float(np.clip(t.mean() + (middle - f.mean()) / steepness, time[0], time[-1]))
+        rows.append((trace.time[peak], high, crossed, trace.time[valley], low))
     return DetectedCycles(*np.array(rows, dtype=np.float64).reshape(-1, 5).T)
-
-
-def _span(rise: int) -> int:
-    """How many samples of a rise of so many samples count for the level at its end."""
-    return min(max(int(0.15 * rise), 4), 40, rise)
 
 
 def _level(force: Array, start: int, stop: int, at: int) -> float:
     """Force at sample `at` from a parabola (a line where one side is short) through samples start to stop [N]."""
     f, x = force[start : stop + 1], np.arange(start, stop + 1) - at
     return float(np.polyfit(x, f, 2 if min(-x[0], x[-1]) >= 3 else 1)[-1]) if f.size >= 4 else float(force[at])
-
-
-def _crossing(time: Array, force: Array, coarse: Array, middle: float, drop: float) -> float:
-    """Time at which a fall, given from its peak to its valley, crosses `middle` [s], to a fraction of a sample."""
-    steep = np.flatnonzero(np.abs(coarse - middle) < 0.25 * drop)
-    if steep.size >= 4:
-        t, f = time[steep], force[steep]
-        steepness = float((t - t.mean()) @ (f - f.mean()) / np.sum((t - t.mean()) ** 2))
-        if steepness < 0:
-            return float(np.clip(t.mean() + (middle - f.mean()) / steepness, time[0], time[-1]))
-    i = max(int(np.argmax(force < middle)) if np.any(force < middle) else force.size - 1, 1)
-    step = force[i - 1] - force[i]
-    share = (force[i - 1] - middle) / step if step > 0 else 0.5
-    return float(time[i - 1] + np.clip(share, 0.0, 1.0) * (time[i] - time[i - 1]))
 
 
 def noise_on_lines(force: Array, sticks: Iterable[tuple[int, int]], time: Array | None = None) -> float | None:
