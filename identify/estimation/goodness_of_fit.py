@@ -321,9 +321,7 @@ def load_deviations(data: LogData, trajectory: ShootingTrajectory) -> Array:
     where it is exact."""
     if not data.normal_force_sd > 0.0 or not trajectory.deviation.size:
         return np.empty(0)
-    at_onset = trajectory.deviation / data.onset_load_sd_at(trajectory.loaded_at)
-    slid_at = trajectory.until[trajectory.own_slips][: trajectory.slip_deviation.size]
-    return np.append(at_onset, trajectory.slip_deviation / data.load_sd_at(slid_at))
+    return np.append(trajectory.deviation, trajectory.slip_deviation) / data.normal_force_sd
 
 
 def loads_stand_in(solved: Solved) -> bool:

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 import scipy
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from data_io.arrays import kept, thinned, thinned_steps
 from identify.base.errors import FitError
@@ -23,9 +23,7 @@ NEIGHBOURS = (3, 9, 27, 81)  # frequencies over which a spectrum is averaged: a 
 FALSE_ALARMS = 0.01  # lines per log that white noise alone may show
 FEWEST, EVEN = 64, 0.05  # samples, and share of an interval that intervals may differ, of a spectrum
 PER_PERIOD, MOST_DRAWN = 20, 60_000  # straight pieces per period of the fastest line, and of all of them
-MOST_HARMONICS = 1500  # the strongest are followed, the others count to the error
 JITTER = 0.3  # [s]: what has shorter periods is another one at the end of a slip than at its onset
-OUTRUN = 3.0  # times the loading rate: rate of a jitter from which on a contact slips a little before it slips
 
 
 def own_or(shared: Array, own: Array) -> Array:
@@ -42,10 +40,8 @@ class LogData:
     base (n_p,) base values of the parameters; own (n_p,) where the search starts a parameter that differs from log to
     log (NaN: as for all; empty: none does); groups (n_p): the group of logs it shares each parameter with, "" for none;
     drive_speed [m/s]; programme: the drive where it changes its speed within the window (None: drive_speed throughout);
-    normal_force, known to within normal_force_sd [N] (0: exact), over time sd_over_time (None: the same throughout),
-    jitter_sd [N] of it in periods below JITTER (0: none); onset_jitter_sd [N]: by how much more it may be off at an
-    onset, before which the mass may have moved unseen; strength_sd: of mu_s from stick to stick (0: the same in all);
-    begin, end of the fitted window [s].
+    normal_force, known to within normal_force_sd [N] (0: exact), jitter_sd [N] of it in periods below JITTER (0: none);
+    strength_sd: of mu_s from stick to stick (0: the same in all); begin, end of the fitted window [s].
     """
 
     time: Array
@@ -61,8 +57,6 @@ class LogData:
     groups: tuple[str, ...] = ()
     programme: Drive | None = None
     jitter_sd: float = 0.0
-    sd_over_time: NormalForce | None = None
-    onset_jitter_sd: float = 0.0
     strength_sd: float = 0.0
 
     def theta(self, shared: Array) -> Array:
@@ -72,15 +66,6 @@ class LogData:
     def speed_at(self, time: float) -> float:
         """Drive speed at a time [m/s]."""
         return self.drive_speed if self.programme is None else self.programme.at(time)
-
-    def load_sd_at(self, time: ArrayLike) -> Array:
-        """By how much the course of the normal force may be off at times [s], any shape [N]."""
-        known = self.sd_over_time
-        return np.full(np.shape(time), self.normal_force_sd) if known is None else known.at(time)
-
-    def onset_load_sd_at(self, time: ArrayLike) -> Array:
-        """By how much it may be off at onsets at times [s], any shape [N]."""
-        return np.hypot(self.load_sd_at(time), self.onset_jitter_sd)
 
     @property
     def noise(self) -> float:
@@ -109,16 +94,15 @@ class LogData:
 @dataclass(frozen=True)
 class LoadSpline:
     """A measured normal force as a line over time; sd [N] by which it may be off (0: exact); jitter_sd [N], the part of
-    it that has periods below JITTER; sd_over_time: the sd over time, where it is not the same throughout."""
+    it that has periods below JITTER."""
 
     force: NormalForce
     sd: float = 0.0
     jitter_sd: float = 0.0
-    sd_over_time: NormalForce | None = None
 
 
 def smooth(time: Array, normal_force: Array, name: str = "the log", cycles: int = 1) -> LoadSpline:
-    """A measured normal force: a cubic spline fitted by least squares, and the harmonics that stand out of its rest.
+    """A measured normal force: a cubic spline fitted by least squares, and what stands out of its rest (N. Wiener).
 
     The number of spline segments is the one with the best information criterion: noise is averaged away, drift
     and ripple are kept (a ripple of a few thousandths that is smoothed away biases a fit of many cycles).
@@ -159,25 +143,27 @@ def smooth(time: Array, normal_force: Array, name: str = "the log", cycles: int 
     one = noise**2 / t.size
     jitter = one * max(count - (t[-1] - t[0]) / JITTER, 0.0)  # of a spline of short segments
     rest = f - best.at(t)
-    rhythms = _harmonics_of(t, rest)
-    if rhythms is None:
-        return LoadSpline(_checked(best, name), float(np.sqrt(one * max(count, cycles))), float(np.sqrt(jitter)))
-    removed, off = rhythms
-    length, fastest = float(t[-1] - t[0]), int(removed.line[-1])
-    finer = int(np.clip(np.ceil(0.5 * PER_PERIOD * fastest / t.size), 1, max(MOST_DRAWN // t.size, 1)))
-    at, wave = removed.course(finer)
-    coarser = max(1, int(2.0 * wave.size / (PER_PERIOD * fastest)))
-    at, wave = t[0] + at[::coarser], wave[::coarser]
-    places = np.unique(np.clip(np.concatenate([at, t[[0, -1]]]), t[0], t[-1]))
-    force = NormalForce.of((places, np.maximum(best.at(places) + np.interp(places, at, wave), 1e-9)))
-    # Near the ends the harmonics are known less well: the standard deviation is stated more densely there.
-    end = min(3.0, 0.25 * length)
-    times = np.concatenate([np.linspace(0.0, end, 64), np.linspace(end, length - end, 66)[1:-1]])
-    times = np.concatenate([times, np.linspace(length - end, length, 64)])
-    variance = np.maximum(one * count + removed.variance(times) + off, one * cycles)
-    jitter += float(np.median(removed.variance(times, int(2.0 * length / JITTER)))) + off
-    over_time = NormalForce.of((t[0] + times, np.sqrt(variance)))
-    return LoadSpline(_checked(force, name), float(np.sqrt(np.median(variance))), float(np.sqrt(jitter)), over_time)
+    step = float(np.median(np.diff(t)))
+    lines, share, white = np.zeros(t.size), np.zeros(t.size), noise**2
+    if t.size >= FEWEST and float(np.max(np.abs(np.diff(t) - step))) <= EVEN * step:
+        lines = scipy.fft.dct(rest, norm="ortho")
+        share, white = _share_of_lines(lines**2)
+    fastest = int(np.max(np.flatnonzero(share), initial=0))
+    # Stein's unbiased estimate of the error of a linear smoother (1981); lines lie no higher than twice the fastest.
+    error = ((1.0 - share) ** 2 * lines**2 + (2.0 * share - 1.0) * white)[: 2 * fastest] / t.size
+    stated, length = white * share / t.size, float(t[-1] - t[0])
+    fast = int(2.0 * length / JITTER)
+    jitter += max(float(np.sum(error[fast:])), float(np.sum(stated[fast:])))
+    variance = one * count + max(float(np.sum(error)), float(np.sum(stated)))
+    if fastest:
+        finer = int(np.clip(np.ceil(0.5 * PER_PERIOD * fastest / t.size), 1, max(MOST_DRAWN // t.size, 1)))
+        wave = np.sqrt(finer) * scipy.fft.idct(np.pad(share * lines, (0, (finer - 1) * t.size)), norm="ortho")
+        at = t[0] + step * ((np.arange(wave.size) + 0.5) / finer - 0.5)
+        coarser = max(1, int(2.0 * wave.size / (PER_PERIOD * fastest)))
+        at, wave = at[::coarser], wave[::coarser]
+        places = np.unique(np.clip(np.concatenate([at, t[[0, -1]]]), t[0], t[-1]))
+        best = NormalForce.of((places, np.maximum(best.at(places) + np.interp(places, at, wave), 1e-9)))
+    return LoadSpline(_checked(best, name), float(np.sqrt(max(variance, one * cycles))), float(np.sqrt(jitter)))
 
 
 def level(time: Array, normal_force: Array, name: str = "the log", cycles: int = 1) -> LoadSpline:
@@ -196,26 +182,6 @@ def swing(force: NormalForce, begin: float, end: float) -> float:
     """By how much a force varies between two times [s]: half its range, as a share of its mean."""
     values = np.concatenate([force.at([begin, end]), force.between(begin, end)[1]])
     return float(np.ptp(values) / 2.0 / np.mean(values))
-
-
-def onset_jitter(force: NormalForce, coefficient: float, rate: float) -> float:
-    """Standard deviation [N] of the fast part of a force where it counts as unknown at an onset; 0 where it does not.
-
-    Where the static limit jitters much faster than the drive loads, it dips below the spring force again and again
-    before a slip: the mass moves a little each time, which is not seen in the force and renews the contact.
-
-    Args:
-        coefficient: friction over normal force at an onset; rate: of the spring force in stick [N/s].
-    """
-    times, values = force.knots
-    if times.size < FEWEST or float(np.min(np.diff(times))) > JITTER / 2.0:
-        return 0.0
-    fine = np.linspace(times[0], times[-1], int(np.ceil((times[-1] - times[0]) / JITTER * PER_PERIOD)) + 2)
-    low_pass = scipy.signal.butter(4, 2.0 / PER_PERIOD, output="sos")  # 1 is half the rate of the fine grid
-    fast = force.at(fine) - scipy.signal.sosfiltfilt(low_pass, force.at(fine))
-    rates = np.gradient(fast, fine)
-    outruns = coefficient * float(np.sqrt(2.0 * np.mean(rates**2))) > OUTRUN * rate
-    return float(np.std(fast)) if outruns and np.std(fast) > 1e-3 * np.mean(values) else 0.0
 
 
 def _finite(time: Array, normal_force: Array, name: str) -> tuple[Array, Array]:
@@ -240,15 +206,8 @@ def _white(f: Array) -> float:
     return max(float(np.sqrt(np.mean(np.diff(f, 2) ** 2) / 6.0)), 1e-9 * float(np.max(np.abs(f))))
 
 
-# Harmonics known from what was measured: their sum over time, and how well it is known when.
-
-
-def _harmonics_of(t: Array, rest: Array) -> tuple[Harmonics, float] | None:
-    """The harmonics that stand out of the noise of a rest (n,), and the variance [N^2] that they leave beyond it."""
-    step = float(np.median(np.diff(t)))
-    if t.size < FEWEST or float(np.max(np.abs(np.diff(t) - step))) > EVEN * step:
-        return None
-    power = scipy.fft.dct(rest, norm="ortho") ** 2
+def _share_of_lines(power: Array) -> tuple[Array, float]:
+    """Which share of the power of every line of a cosine spectrum (n,) is no noise, and the variance of the noise."""
     noise = max(float(np.median(power)) / chi_square(0.5, 1), 1e-300)
     share, left = np.zeros(power.size), power.copy()
     for width in NEIGHBOURS:  # the narrowest mean that stands out counts, and is left out of the wider ones
@@ -257,71 +216,7 @@ def _harmonics_of(t: Array, rest: Array) -> tuple[Harmonics, float] | None:
         high = (mean > limit * noise) & (share == 0.0)
         share[high] = 1.0 - noise / mean[high]
         left[high] = noise
-    share[0] = 0.0  # the level is no harmonic
-    share[np.argsort(share * power)[: max(share.size - MOST_HARMONICS, 0)]] = 0.0
-    if not np.any(share):
-        return None
-    fitted = harmonics(rest, step, share, noise)
-    left = scipy.fft.dct(rest - fitted.course(1)[1], norm="ortho") ** 2
+    share[0] = 0.0  # the level is no line
     third = 2 * power.size // 3  # from where on lines show the white noise alone
     white = float(np.mean(power[third:], where=share[third:] == 0.0)) if np.any(share[third:] == 0.0) else noise
-    # Stein's unbiased estimate of the error of a smoother (1981), less what is stated of it; harmonics lie no higher.
-    beyond = float(np.sum(left[: 2 * int(fitted.line[-1])] - white)) / t.size
-    return fitted, max(beyond + float(np.mean(fitted.variance(np.linspace(0.0, step * (t.size - 1), 64)))), 0.0)
-
-
-@dataclass(frozen=True)
-class Harmonics:
-    """What n samples, `step` [s] apart, say of harmonics: line (m,), of k half periods in the record each; amplitudes
-    cosine, sine (m,); factor (2 m, 2 m), a square root of their covariance, cosines first."""
-
-    count: int
-    step: float
-    line: NDArray[np.int64]
-    cosine: Array
-    sine: Array
-    factor: Array
-
-    def course(self, finer: int) -> tuple[Array, Array]:
-        """Times [s] from the first sample, `finer` times as many as samples and half of their distance inside, and the
-        sum of the harmonics there."""
-        size = finer * self.count
-        lines, sines = np.zeros(size), np.zeros(size)
-        lines[self.line], sines[self.line - 1] = self.cosine, self.sine
-        wave = np.sqrt(0.5 * size) * (scipy.fft.idct(lines, norm="ortho") + scipy.fft.idst(sines, norm="ortho"))
-        return self.step * ((np.arange(size) + 0.5) / finer - 0.5), wave
-
-    def variance(self, time: Array, first: int = 0) -> Array:
-        """Variance of the sum at times (k,) [s] from the first sample; of those of `first` half periods or more."""
-        counted = self.line >= first
-        phase = np.pi * np.outer(time / self.step + 0.5, self.line) / self.count
-        waves = np.concatenate([np.cos(phase) * counted, np.sin(phase) * counted], axis=1)
-        return np.asarray(np.sum((waves @ self.factor) ** 2, axis=1))
-
-
-def harmonics(values: Array, step: float, share: Array, noise: float) -> Harmonics:
-    """The harmonics of evenly sampled values by Bayes: sine and cosine each with the variance that the spectrum shows.
-
-    A sum of the lines of the spectrum alone repeats the record backwards beyond its ends, and is off near them by
-    several times what it is off elsewhere.
-
-    Args:
-        values: (n,) at times step * (0, 1, ...); share (n,) of the power of every line of their cosine spectrum that is
-            no noise, 0 where there is no harmonic, below 1; noise: variance of the white noise of one value.
-    """
-    n = values.size
-    line = np.flatnonzero(share > 0.0)
-    line = line[line > 0]
-    prior = noise * share[line] / (1.0 - share[line]) / n  # variance of either amplitude
-    # Cosines among themselves, and sines, are orthogonal over the samples; the one with the other where k + l is odd.
-    sums, differences = (np.add.outer(sign * line, line) for sign in (1, -1))
-    odd = sums % 2 == 1
-    across = np.zeros(sums.shape)
-    across[odd] = 0.5 / np.sin(0.5 * np.pi * sums[odd] / n) + 0.5 / np.sin(0.5 * np.pi * differences[odd] / n)
-    own = np.diag(0.5 * n / noise + 1.0 / prior)
-    precision = np.block([[own, across / noise], [across.T / noise, own]])
-    spectra = scipy.fft.dct(values, norm="ortho")[line], scipy.fft.dst(values, norm="ortho")[line - 1]
-    lower = scipy.linalg.cholesky(precision, lower=True)
-    amplitudes = scipy.linalg.cho_solve((lower, True), np.sqrt(0.5 * n) / noise * np.concatenate(spectra))
-    factor = scipy.linalg.solve_triangular(lower, np.eye(2 * line.size), lower=True).T
-    return Harmonics(n, step, line, amplitudes[: line.size], amplitudes[line.size :], factor)
+    return share, white

@@ -17,7 +17,7 @@ from data_io.quality import mean_and_drift
 from data_io.record import zero_of_times
 from identify.base.errors import FitError
 from identify.logs.judgement import ENDS_LOADING, RECORD_LONGER, Judgement, RecordPart, judge
-from identify.logs.log_data import LoadSpline, LogData, level, onset_jitter, smooth, swing
+from identify.logs.log_data import LoadSpline, LogData, level, smooth, swing
 from identify.logs.noise import line_slope, running_means, slope_error
 from identify.logs.recorded_drive import changes_speed, turns_of_sign
 from identify.logs.regime import (
@@ -544,13 +544,10 @@ def _load(
 
 def _data(log: Segmented, load: LoadSpline, window: tuple[float, float], unknowns: Unknowns) -> LogData:
     """The log as the estimator sees it."""
-    rig, phases, over_time, mean = log.rig, log.phases, load.sd_over_time, float(np.mean(load.force.values))
+    rig, mean = log.rig, float(np.mean(load.force.values))
     size = float(np.max(np.abs(kept(log.force, log.used))))
     # a log without noise, as a simulation leaves it, is weighted by what the computation is surely good for
     noise = log.noise if log.noise > NOISELESS * size else ASSUMED * size
-    jitter, coefficient = 0.0, float(np.median(phases.cycles.onset_force)) / mean if phases.count else 0.0
-    if phases.stick_slope is not None and coefficient > 0.0 and phases.stick_slope[0] > 0.0 and rig.half_period:
-        jitter = onset_jitter(load.force, coefficient, phases.stick_slope[0])
     return LogData(
         time=np.ascontiguousarray(log.record.time),
         force=np.where(np.isfinite(log.force), log.force, 0.0),
@@ -565,8 +562,6 @@ def _data(log: Segmented, load: LoadSpline, window: tuple[float, float], unknown
         groups=tuple("" if by is None or by == EACH_LOG else log.entry.labels[by] for by in unknowns.per),
         programme=None if log.drive.constant else log.drive,
         jitter_sd=load.jitter_sd if load.jitter_sd > 0.3 * REPEATABLE * mean else 0.0,
-        sd_over_time=over_time and NormalForce.of((over_time.times, np.hypot(over_time.values, REPEATABLE * mean))),
-        onset_jitter_sd=jitter,
     )
 
 
@@ -664,7 +659,7 @@ def _as_sure_as_its_level(log: Prepared, data: LogData) -> LogData:
         return data
     before, after = (float(np.mean(log.force[rows] / data.normal_force.at(time[rows]))) for rows in (sliding, settled))
     off = (1.0 - share) * abs(before / after - 1.0) * data.mean_normal_force if after else 0.0
-    return replace(data, normal_force_sd=float(np.hypot(data.normal_force_sd, off)), sd_over_time=None)
+    return replace(data, normal_force_sd=float(np.hypot(data.normal_force_sd, off)))
 
 
 def cut_in_last_stick(prepared: Prepared, arrest: float, stick: float) -> Prepared:

@@ -132,7 +132,7 @@ def log_result(
 
 
 def _quality(log: Prepared) -> QualityResult:
-    """The verdict of the quality gate, and what a load that swings or jitters means for the fit."""
+    """The verdict of the quality gate, and what a load that swings means for the fit."""
     judged = log.judgement.result()
     findings, verdict = list(judged.findings), judged.verdict
     if log.hidden_swing:
@@ -142,13 +142,6 @@ def _quality(log: Prepared) -> QualityResult:
             'add "varying_normal_force" to effects'
         )
         findings.append(Finding("load_varies", "warning", sentence))
-    if log.data.onset_jitter_sd > 0.0:
-        sentence = (
-            f"the normal force jitters by {1e3 * log.data.onset_jitter_sd:.2g} mN (standard deviation): at the onset "
-            "of a slip it is counted as unknown; for narrower intervals drive faster, measure the normal force with "
-            "less noise, or cut the log to where the load is steadier (window)"
-        )
-        findings.append(Finding("load_trembles", "info", sentence))
     return replace(judged, verdict=verdict, findings=tuple(findings))
 
 

@@ -319,7 +319,7 @@ class _LogTranscriber:
         for i, (part, stretch) in enumerate(zip(trajectory.part, trajectory.stretches, strict=True)):
             if i == 0 or part != trajectory.part[i - 1]:
                 # The normal force to within its error: if exact, event times would tell it to a millionth.
-                sd, self.load = float(log.onset_load_sd_at(trajectory.loaded_at[part])), CONSTANT
+                sd, self.load = log.normal_force_sd, CONSTANT
                 if sd > 0.0:
                     self.load = self.c.add(trajectory.deviation[part], sd, prior=(0.0, sd))
                 loads[part] = int(self.load[0, 0])
@@ -341,7 +341,7 @@ class _LogTranscriber:
                 states = self._rest(part, stretch, end)
             else:
                 if jitter := log.jitter_sd > 0.0 and i in trajectory.own_slips:
-                    error, value = log.load_sd_at([stretch.until]), trajectory.sliding_deviation[part]
+                    error, value = log.normal_force_sd, trajectory.sliding_deviation[part]
                     # A tremor goes through half a period while a slip lasts: the deviation at its end is another one.
                     self.load = np.concatenate([self.load, self.c.add(value, error, prior=(0.0, error))], axis=1)
                     loads_in_slips.append(self.load[0, 1])

@@ -3,21 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from data_io import Record
 from identify.effects import MAIN
 from identify.logs.log_data import LogData, smooth
-from identify.logs.prepare import prepare
 from identify.logs.segment import noise_on_lines, segment
-from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
-from identify.report.log_document import _quality
-from identify.scene import Scene
 from identify.shooting.layout import COARSE_GRID
 from identify.shooting.passes import solve_in_passes
 from identify.shooting.placing import place
@@ -118,23 +112,6 @@ def test_a_load_that_swings_in_a_slip_is_found_there(swing):
     assert costs[0.0] > costs[5e-3] + 20.0, "a load that is one number per cycle cannot say it"
 
 
-@pytest.mark.parametrize(("speed", "told"), [(4e-5, True), (1e-4, False)])
-def test_a_log_says_that_its_tremor_counts_as_unknown_at_onsets(speed, told):
-    knots, times = np.arange(2602) / 100.0, np.arange(25 * 500) / 500.0
-    motion, random = run(assemble(MAIN), PAIR | RIG, speed, (knots, _load(knots)), 26.0), np.random.default_rng(3)
-    force = motion.sample(times)["force"] + NOISE * random.standard_normal(times.size)
-    load = np.interp(times, knots, _load(knots)) + NOISE * random.standard_normal(times.size)
-    logs = [{"path": "log.csv", "drive_speed": speed}]
-    document = {"effects": [*MAIN, "varying_normal_force"], "rig": RIG, "logs": logs}
-    scene = Scene.from_document(document, Path())
-    made = prepare(scene, scene.logs[0], Record(times, load, force), from_scene(scene))
-    assert made.typical >= 2 and (made.data.onset_jitter_sd > 0.0) == told
-    findings = [f.message for f in _quality(made).findings if f.code == "load_trembles"]
-    assert len(findings) == told and all(
-        "mN" in m and "onset of a slip it is counted as unknown" in m for m in findings
-    )
-
-
 def _broad(count, step, random):
     """A tremor about 9 Hz, of half its power half a hertz to either side, of one in the mean square."""
     turn, left = np.exp((-2 * np.pi * 0.5 + 2j * np.pi * 9.0) * step), random.standard_normal((2, count))
@@ -150,6 +127,5 @@ def test_a_jitter_in_a_broad_band_is_not_known_better_than_it_is():
         grip = 3.0 * (1.0 + 0.005 * _broad(knots.size, 1e-3, random))
         made = smooth(knots, grip + 4.6e-3 * random.standard_normal(knots.size))
         inside = slice(500, -500)
-        told = made.sd if made.sd_over_time is None else made.sd_over_time.at(knots[inside])
-        ratios.append(float(np.sqrt(np.mean((made.force.at(knots) - grip)[inside] ** 2) / np.mean(told**2))))
+        ratios.append(float(np.sqrt(np.mean((made.force.at(knots) - grip)[inside] ** 2)) / made.sd))
     assert 0.85 < np.mean(ratios) < 1.15
