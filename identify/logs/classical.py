@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -77,7 +77,8 @@ def table_of(record: Record, seen: LogRegime, stiffness: float | None = None) ->
         record: the log; its friction force as in the file. seen: its regime.
         stiffness: of the rig [N/m], to compare the sticks with.
 
-    Returns: one row per stroke; for each row why a figure is None, by its name; what each figure is (DEFINITIONS).
+    Returns: one row per stroke; both directions apart where strokes go to and fro, with scatter, and last tenth over
+    first; for each row why a figure is None, by its name; what each figure is (DEFINITIONS).
     """
     parts = [_Part.of(record, s, v) for s, v in zip(seen.strokes, seen.verdicts, strict=True)]
     rows, reasons = [], []
@@ -88,26 +89,20 @@ def table_of(record: Record, seen: LogRegime, stiffness: float | None = None) ->
         enough = np.count_nonzero(part.good) >= FEWEST_ROWS
         rows.append(finite)
         reasons.append({k: figures[k][1] if enough else few for k, value in finite.items() if value is None})
-    return ClassicalTable(tuple(rows), tuple(_directions(parts, seen.strokes)), tuple(reasons), dict(DEFINITIONS))
-
-
-def _directions(parts: Sequence[_Part], strokes: Sequence[Stroke]) -> list[ClassicalDirection]:
-    """Both directions apart, where strokes go to and fro: coefficients with scatter, and last tenth over first."""
-    if len({stroke.direction for stroke in strokes}) < 2:
-        return []
-    out = []
-    for direction in (1, -1):
+    directions = []
+    for direction in (1, -1) if len({stroke.direction for stroke in seen.strokes}) > 1 else ():
         levels = []
-        for part in (part for part, stroke in zip(parts, strokes, strict=True) if stroke.direction == direction):
+        for part in (part for part, stroke in zip(parts, seen.strokes, strict=True) if stroke.direction == direction):
             slides = part.good & (part.phases.phase == SLIDING)
             good = slides if slides.any() else part.good
             levels.append(float(np.mean(part.force[good] / part.load[good])) if good.any() else np.nan)
         known = np.array(levels)[np.isfinite(levels)]
-        tenth = max(known.size // 10, 1)
-        trend = 100.0 * (known[-tenth:].mean() / known[:tenth].mean() - 1.0) if known.size > 1 and known[0] else None
-        mean, sd = (float(known.mean()) if known.size else None), (float(known.std(ddof=1)) if known.size > 1 else None)
-        out.append(ClassicalDirection(direction, len(levels), mean, sd, None if trend is None else float(trend)))
-    return out
+        tenth, mean = max(known.size // 10, 1), float(known.mean()) if known.size else None
+        sd, trend = (float(known.std(ddof=1)) if known.size > 1 else None), None
+        if known.size > 1 and known[0]:
+            trend = float(100.0 * (known[-tenth:].mean() / known[:tenth].mean() - 1.0))
+        directions.append(ClassicalDirection(direction, len(levels), mean, sd, trend))
+    return ClassicalTable(tuple(rows), tuple(directions), tuple(reasons), dict(DEFINITIONS))
 
 
 def _row(part: _Part, stroke: Stroke, verdict: Verdict, stiffness: float | None) -> Figures:

@@ -20,7 +20,7 @@ from data_io.values import Finding
 from identify.base.wording import speed_text
 from identify.logs.noise import bridged, smooth, white_noise
 from identify.scene import Scene
-from identify.scene.values import DriveSpeed, LogEntry
+from identify.scene.values import LogEntry
 from identify.simulation.drive import Drive
 
 Array = NDArray[np.float64]
@@ -233,50 +233,47 @@ def velocity_text(stated: StatedVelocity) -> str:
 
 def with_drive_checked(scene: Scene, entry: LogEntry, record: Record) -> Record:
     """A record, with a warning where the drive of the scene and that of its column, or the head of its file, contradict
-    each other. What the scene states is doubted, never overruled."""
-    stated = scene.rig_for(entry).drive_speed
-    if stated is None or record.time.size < 2 or any(finding.code == DISAGREES for finding in record.findings):
+    each other for longer than steps may be apart. What the scene states is doubted, never overruled."""
+    stated, time = scene.rig_for(entry).drive_speed, record.time
+    start, end = entry.window or (0.0, float(time[-1]))
+    time = time[(time >= start) & (time <= end)]
+    for begin, until in entry.exclude:
+        time = time[(time < begin) | (time > until)]
+    if stated is None or time.size < 2 or any(finding.code == DISAGREES for finding in record.findings):
         return record
-    drive, head, text = recorded_drive(record), velocity_in_head(record), None
-    if drive.programme is not None:
-        text = _differs(entry, stated, record, drive)
-    elif head is not None and not isinstance(stated, tuple):
-        agrees = any(abs(abs(stated) / own - 1.0) < 0.1 for own in head.speeds.values())
+    recorded, head = recorded_drive(record), velocity_in_head(record)
+    if recorded.programme is not None:
+        drives = [Drive.of(stated), Drive.of(recorded.programme)]
+        pieces = [np.clip(np.searchsorted(drive.starts, time, side="right") - 1, 0, None) for drive in drives]
+        meant, seen = (np.abs(np.array(drive.speeds))[piece] for drive, piece in zip(drives, pieces, strict=True))
+        larger = np.maximum(meant, seen)
+        wrong = np.abs(meant - seen) > APART * np.maximum(larger, SAME * larger.max())
+        moves = np.flatnonzero(seen)
+        if drives[0].constant and moves.size:  # one speed says nothing of rests before and after, or between strokes
+            turns = min(drives[1].speeds) < 0.0 < max(drives[1].speeds)
+            wrong &= (seen > 0.0) if turns else (time >= time[moves[0]]) & (time <= time[moves[-1]])
+        first, stop = max(true_runs(wrong).tolist(), key=lambda run: run[1] - run[0], default=(0, 0))
+        shortest = min(int(np.min(np.unique(piece, return_counts=True)[1])) for piece in pieces)
+        if stop - first <= max(10, 0.1 * shortest):
+            return record
+        text = (
+            f"the scene has a drive speed of {speed_text(float(meant[first]))} at {time[first]:.4g} s, but "
+            f"{recorded.place} is {speed_text(float(seen[first]))} there, and they differ for "
+            f"{time[stop - 1] - time[first]:.3g} s; correct drive_speed, leave it out to take "
+            "that of the log, or give a window"
+        )
+    elif (
+        head is None
+        or isinstance(stated, tuple)
+        or any(abs(abs(stated) / own - 1.0) < 0.1 for own in head.speeds.values())
+    ):
+        return record
+    else:
         text = (
             f"the scene has a drive speed of {speed_text(stated)}, but the header of the log states "
             f"{velocity_text(head)}; check drive_speed"
         )
-        text = None if agrees else text
-    return record if text is None else replace(record, findings=(*record.findings, Finding(DISAGREES, "warning", text)))
-
-
-def _differs(entry: LogEntry, stated: DriveSpeed, record: Record, recorded: RecordedDrive) -> str | None:
-    """Where a stated drive and that of the column differ for longer than steps may be apart, in a sentence."""
-    start, end = entry.window or (0.0, float(record.time[-1]))
-    time = record.time[(record.time >= start) & (record.time <= end)]
-    for first, last in entry.exclude:
-        time = time[(time < first) | (time > last)]
-    if not time.size:
-        return None
-    drives = [Drive.of(stated), Drive.of(recorded.programme or stated)]
-    pieces = [np.clip(np.searchsorted(drive.starts, time, side="right") - 1, 0, None) for drive in drives]
-    meant, seen = (np.abs(np.array(drive.speeds))[piece] for drive, piece in zip(drives, pieces, strict=True))
-    larger = np.maximum(meant, seen)
-    wrong = np.abs(meant - seen) > APART * np.maximum(larger, SAME * larger.max())
-    moves = np.flatnonzero(seen)
-    if drives[0].constant and moves.size:  # one speed says nothing of rests before and after, or between strokes
-        turns = min(drives[1].speeds) < 0.0 < max(drives[1].speeds)
-        wrong &= (seen > 0.0) if turns else (time >= time[moves[0]]) & (time <= time[moves[-1]])
-    first, stop = max(true_runs(wrong).tolist(), key=lambda run: run[1] - run[0], default=(0, 0))
-    shortest = min(int(np.min(np.unique(piece, return_counts=True)[1])) for piece in pieces)
-    if stop - first <= max(10, 0.1 * shortest):
-        return None
-    return (
-        f"the scene has a drive speed of {speed_text(float(meant[first]))} at {time[first]:.4g} s, but "
-        f"{recorded.place} is {speed_text(float(seen[first]))} there, and they differ for "
-        f"{time[stop - 1] - time[first]:.3g} s; correct drive_speed, leave it out to take "
-        "that of the log, or give a window"
-    )
+    return replace(record, findings=(*record.findings, Finding(DISAGREES, "warning", text)))
 
 
 # Strokes: parts of a record that a tribologist tabulates apart.

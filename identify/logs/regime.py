@@ -205,7 +205,15 @@ class _Shape:
             whole, left, own = float(f @ f), float(np.sum((f - rate * t) ** 2)), t.size * phases.noise**2
             straight.append(1.0 - max(left - own, 0.0) / max(whole - own, 1e-3 * whole) if whole > 0.0 else 0.0)
         period = float(np.median(cycles.period))
-        asymmetry, sine = _mean_cycle(time, force, phases, period)
+        asymmetry = sine = np.nan
+        good, points = np.isfinite(force) & ~phases.spikes, 128
+        t, f = time[good], force[good]
+        falls = cycles.fall[(cycles.fall - 0.5 * period >= t[0]) & (cycles.fall + 0.5 * period <= t[-1])]
+        if falls.size:  # the mean cycle about its fall
+            mean = np.interp(np.add.outer(falls, (np.arange(points) / points - 0.5) * period), t, f).mean(axis=0)
+            peak, valley = int(np.argmax(mean[: points // 2])), points // 2 + int(np.argmin(mean[points // 2 :]))
+            power = np.abs(np.fft.rfft(mean - mean.mean())[1:]) ** 2
+            asymmetry, sine = points / (valley - peak) - 1.0, float(power[0] / max(np.sum(power), 1e-300))
         return cls(
             rises=len(rise),
             straight=float(np.median(straight)) if straight else np.nan,
@@ -217,20 +225,6 @@ class _Shape:
             frequency=1.0 / period,
             share=share,
         )
-
-
-def _mean_cycle(time: Array, force: Array, phases: Segmentation, period: float) -> tuple[float, float]:
-    """Of the mean cycle: how many times as long as its fall its rise lasts, and the share of its first harmonic."""
-    good, points = np.isfinite(force) & ~phases.spikes, 128
-    t, f = time[good], force[good]
-    falls = phases.cycles.fall
-    falls = falls[(falls - 0.5 * period >= t[0]) & (falls + 0.5 * period <= t[-1])]
-    if not falls.size:
-        return np.nan, np.nan
-    mean = np.interp(np.add.outer(falls, (np.arange(points) / points - 0.5) * period), t, f).mean(axis=0)
-    peak, valley = int(np.argmax(mean[: points // 2])), points // 2 + int(np.argmin(mean[points // 2 :]))
-    power = np.abs(np.fft.rfft(mean - mean.mean())[1:]) ** 2
-    return points / (valley - peak) - 1.0, float(power[0] / np.sum(power)) if np.any(power) else np.nan
 
 
 def _discriminate(shape: _Shape, phases: Segmentation, known: Known) -> tuple[bool, float, tuple[str, ...]]:

@@ -158,7 +158,13 @@ def refuse_counted_twice(entries: Sequence[LogEntry], records: Sequence[Record])
         used.append((kept(record.time, counts) + begin, kept(record.friction_force, counts)))
     for (i, one), (j, other) in combinations(enumerate(used), 2):
         names = f"log {i + 1} ({entries[i].path.name}) and log {j + 1} ({entries[j].path.name})"
-        times = _shared(*one, *other)
+        (time, force), (other_time, other_force), times = one, other, np.empty(0)
+        if min(time.size, other_time.size) > FEW:  # of one time: none where a single force of them differs
+            near = SAME_TIME * float(np.median(thinned_steps(other_time)))
+            after = np.clip(np.searchsorted(other_time, time), 1, other_time.size - 1)
+            at = after - (time - other_time[after - 1] < other_time[after] - time)
+            together = np.abs(other_time[at] - time) <= near
+            times = time[together & ~np.any(other_force[at][together] != force[together])]
         if times.size > FEW:
             raise FitError(
                 f"{names} hold the same {times.size} samples from {times[0]:.6g} to {times[-1]:.6g} s, which would "
@@ -172,19 +178,6 @@ def refuse_counted_twice(entries: Sequence[LogEntry], records: Sequence[Record])
                 f"{agree:.2f}, clocks {shift:.6g} s apart), so that it would count twice; expected every measurement "
                 "once: remove one of the two logs"
             )
-
-
-def _shared(time: Array, force: Array, other_time: Array, other_force: Array) -> Array:
-    """The times [s] of the samples that two records have; none where a single one of the same time differs."""
-    if min(time.size, other_time.size) <= FEW:
-        return np.empty(0)
-    near = SAME_TIME * float(np.median(thinned_steps(other_time)))
-    rows = slice(*np.searchsorted(time, [other_time[0] - near, other_time[-1] + near]).tolist())
-    time, force = time[rows], force[rows]
-    after = np.clip(np.searchsorted(other_time, time), 1, other_time.size - 1)
-    at = after - (time - other_time[after - 1] < other_time[after] - time)
-    together = np.abs(other_time[at] - time) <= near
-    return np.empty(0) if np.any(other_force[at][together] != force[together]) else time[together]
 
 
 def noise_agreement(time: Array, force: Array, other_time: Array, other_force: Array) -> tuple[float, float]:

@@ -207,12 +207,9 @@ def tuned(prepared: Sequence[Prepared], unknowns: Unknowns) -> tuple[list[Prepar
                 lower[at] = max(low, np.log(line.frequency - lobe))
                 upper[at] = min(high, np.log(line.frequency + lobe))
         if len(lines) < len(waves):
-            logs = [_corrected(log, row, share) for log, row, share in zip(logs, own, left, strict=True)]
+            for i, (log, phases) in enumerate(zip(logs, own, strict=True)):
+                # An estimated noise that counted the rhythms in is rid of them.
+                weight = log.data.weight / min(float(left[i]), 1.0) if log.noise_estimated else log.data.weight
+                phases = phases if np.any(np.isfinite(phases)) else log.data.own
+                logs[i] = replace(log, data=replace(log.data, own=phases, weight=weight))
     return logs, replace(unknowns, start=start, free=free, lower=lower, upper=upper)
-
-
-def _corrected(log: Prepared, own: Array, left: float) -> Prepared:
-    """The log with its own phases; an estimated noise that counted the rhythms in is rid of them."""
-    weight = log.data.weight / min(left, 1.0) if log.noise_estimated else log.data.weight
-    phases = own if np.any(np.isfinite(own)) else log.data.own
-    return replace(log, data=replace(log.data, own=phases, weight=weight))
