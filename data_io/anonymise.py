@@ -1,14 +1,13 @@
-"""A record without what could name a person, a place, a day or a file, and the key that tells it again.
+"""A record without what could name a person, a place, a day or a file.
 
 What stays is what a measurement needs: the numbers, usual names of columns, and settings whose names are made of the
-words below. Everything else goes into the key, which is a file of its own.
+words below.
 """
 
 import re
 import secrets
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Any, Final
+from dataclasses import replace
+from typing import Final
 
 from data_io.record import Record
 from data_io.units import kind_of
@@ -35,21 +34,12 @@ _VALUE: Final = re.compile(r"\s*+[+-]?(?:\d++\.?\d*+|\.\d++)(?:[eE][+-]?\d++)?\s
 _COLUMN_SOURCE: Final = re.compile(r"column (.*) in (\S{0,12})(, given by the user)?")
 
 
-@dataclass(frozen=True)
-class Anonymous:
-    """The record that may be given away, its name, and what was taken out of it (plain values that JSON can hold)."""
-
-    record: Record
-    name: str
-    key: Mapping[str, Any]
-
-
-def anonymous(record: Record) -> Anonymous:
-    """Take out paths, script names, operators, dates, free text and unusual names of columns.
+def anonymous(record: Record) -> Record:
+    """The record without paths, script names, operators, dates, free text and unusual names of columns, under a name
+    drawn by lot.
 
     Of findings their code stays. The columns themselves are not touched.
     """
-    name = f"log-{secrets.token_hex(4)}"
     secret = (*KEPT, "path", "sha256", "file_time_start")  # a clock that counts from 1970 tells the day
     kept = {k: v for k, v in record.metadata.items() if k not in secret and is_plain_setting(k, v)}
     sources = dict[str, str]()
@@ -65,26 +55,14 @@ def anonymous(record: Record) -> Anonymous:
     for old in record.channels:
         channels[old] = old if old in usual else free_name(f"channel {len(channels) + 1}", usual)
         usual.add(channels[old])
-    about = record.about()
-    taken = [
-        {k: v for k, v in step.parameters.items() if k not in safe}
-        for step, safe in zip(record.steps, steps, strict=True)
-    ]
-    key = {
-        "metadata": {k: v for k, v in about["metadata"].items() if k not in kept},
-        "steps": [{"run": s.run, "step": s.number, "parameters": t} for s, t in zip(record.steps, taken, strict=True)],
-        "channels": {new: old for old, new in channels.items() if new != old},
-        "findings": about["findings"],
-    }
-    safe = replace(
+    return replace(
         record,
         channels={channels[old]: values for old, values in record.channels.items()},
         channel_units={channels[old]: _plain_unit(unit) for old, unit in record.channel_units.items()},
         steps=tuple(replace(step, parameters=s) for step, s in zip(record.steps, steps, strict=True)),
-        metadata={**kept, **sources, "source_file": name},
+        metadata={**kept, **sources, "source_file": f"log-{secrets.token_hex(4)}"},
         findings=tuple(replace(f, message=f.code.replace("_", " ")) for f in record.findings),
     )
-    return Anonymous(safe, name, key)
 
 
 def is_plain_setting(name: str, value: Scalar) -> bool:

@@ -102,7 +102,7 @@ OPTIONS: Mapping[str, Options] = {  # as `add_options` takes them
     "convert": {
         "log LOG": "a log in any readable format",
         "--out LOG.h5!": "the file to write; never overwritten",
-        "--anonymise": "leave out names, dates, paths and free text; they go into a key beside it, OUT.key.json",
+        "--anonymise": "leave out names, dates, paths and free text",
         **READING,
         **PART,
     },

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from argparse import Namespace
 from contextlib import nullcontext
 from pathlib import Path
 
 from data_io import LogError, read_log, write_hdf5
 from data_io.anonymise import anonymous
-from data_io.atomic import atomic_path, atomic_write
+from data_io.atomic import atomic_write
 from identify.base.progress import to_nobody
 from identify.cli.arguments import MEASURED, log_options, new_file, picture, read
 from identify.cli.common import Answer, CommandLineError, Exit, Terminal
@@ -86,27 +85,11 @@ def scene(arguments: Namespace, terminal: Terminal) -> Answer:
 
 
 def convert(arguments: Namespace, terminal: Terminal) -> Answer:
-    """Read and write; the key of an anonymous log is readable by its owner only."""
-    out = new_file(arguments.out, MEASURED, (".h5", ".hdf5"))
-    key = new_file(str(out.with_suffix(".key.json")), "the key of other logs") if arguments.anonymise else None
-    record = read(arguments.log, arguments, terminal)
-    safe = anonymous(record) if key else None
-    record = safe.record if safe else record
+    """Read and write; an anonymous log does not say when it was written."""
+    out, record = new_file(arguments.out, MEASURED, (".h5", ".hdf5")), read(arguments.log, arguments, terminal)
+    record = anonymous(record) if arguments.anonymise else record
     with terminal.bar() if terminal.notes.isatty() else nullcontext(to_nobody) as progress:
-        write_hdf5(record, out, lambda share: progress(f"writing {out.name}", share), dated=not key)
+        write_hdf5(record, out, lambda s: progress(f"writing {out.name}", s), dated=not arguments.anonymise)
     rows, steps = len(record), len(record.steps)
-    document = {"status": "done", "out": str(out), "rows": rows, "steps": steps}
-    if key and safe:
-        try:
-            with atomic_path(key) as temporary:
-                temporary.touch(mode=0o600)
-                text = {"key_of": out.name, "logs": {safe.name: safe.key}}
-                temporary.write_text(json.dumps(text, ensure_ascii=False, indent=1, default=str) + "\n", "utf-8")
-        except OSError:
-            out.unlink()  # without its key it is of no use
-            raise
-        document["key"] = str(key)
     terminal.say(f"{out}: {rows} rows in {steps} step(s)")
-    if key:
-        terminal.say(f"{key}: the key; keep it apart from {out.name}")
-    return Answer(document=document)
+    return Answer(document={"status": "done", "out": str(out), "rows": rows, "steps": steps})

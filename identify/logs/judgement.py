@@ -134,34 +134,34 @@ def _of_slips(part: RecordPart, slope: float | None, drift: float | None, limits
         severity = limits.severity("spikes", where.size / part.time.size)
         text = f"{word} far from the neighbours (spikes, at {times} s); left out"
         yield Finding("spikes", severity or "info", text + ("; look for electric disturbance" if severity else ""))
-    if phases.count and (severity := limits.severity("samples_per_slip", phases.samples_per_slip)):
-        faster = max(limits["samples_per_slip"] / max(phases.samples_per_slip, 0.1), 1.1)
-        text = (
-            f"a slip holds {phases.samples_per_slip:.2g} samples: what depends on fast sliding, a and delta_mu_k, is "
-            f"poorly determined; sample {faster:.2g} times as fast"
-        )
-        if phases.sample_interval > 1.0:  # s: of stick-slip, so slow a one may be that of a wrong unit
-            text += f", or check the unit of the time: rows are {phases.sample_interval:.3g} s apart"
-        yield Finding("samples_per_slip", severity, text)
-    if phases.count and (severity := limits.severity("cycles", phases.count)):
-        word = "one slip was" if phases.count == 1 else f"{phases.count} slips were"
-        remedy = "it slides on: drive more slowly" if phases.ends_sliding else "record longer"
-        text = f"only {word} found; {limits['cycles']:g} or more are needed to compare cycles: {remedy}"
-        yield Finding("few_cycles", severity, text)
+    if phases.count:
+        samples = phases.samples_per_slip
+        slow = f", or check the unit of the time: rows are {phases.sample_interval:.3g} s apart"
+        yield from limits.finding(
+            "samples_per_slip", "samples_per_slip", samples,
+            f"a slip holds {samples:.2g} samples: a and delta_mu_k, of fast sliding, are poorly determined; "
+            f"sample {max(limits['samples_per_slip'] / max(samples, 0.1), 1.1):.2g} times as fast"
+            f"{slow if phases.sample_interval > 1.0 else ''}",
+        )  # fmt: skip
+        yield from limits.finding(
+            "few_cycles", "cycles", phases.count,
+            f"only {phases.count} slip(s) found; {limits['cycles']:g} or more are needed to compare cycles: "
+            f"{'it slides on: drive more slowly' if phases.ends_sliding else 'record longer'}",
+        )  # fmt: skip
     if still_loading(part):
         yield Finding("still_loading", "warning", f"no slip was found: {ENDS_LOADING}; {RECORD_LONGER}")
-    if slope is not None and part.expected_slope and (severity := limits.severity("stick_slope", abs(slope))):
-        text = (
+    if slope is not None and part.expected_slope:
+        yield from limits.finding(
+            "stick_slope", "stick_slope", abs(slope),
             f"in stick the force rises at {(1 + slope) * part.expected_slope:.4g} N/s, where stiffness times drive "
-            f"speed is {part.expected_slope:.4g} N/s ({percent(slope, signed=True)}): check both, and the drive"
-        )
-        yield Finding("stick_slope", severity, text)
-    if drift is not None and (severity := limits.severity("friction_drift", abs(drift))):
-        text = (
+            f"speed is {part.expected_slope:.4g} N/s ({percent(slope, signed=True)}): check both, and the drive",
+        )  # fmt: skip
+    if drift is not None:
+        yield from limits.finding(
+            "friction_drift", "friction_drift", abs(drift),
             f"the friction force over the load {'rises' if drift > 0 else 'falls'} by {percent(abs(drift))} from the "
-            "first to the last third: running-in, wear or a drifting zero? Cut it with skip_cycles or window"
-        )
-        yield Finding("friction_drift", severity, text)
+            "first to the last third: running-in, wear or a drifting zero? Cut it with skip_cycles or window",
+        )  # fmt: skip
 
 
 def still_loading(part: RecordPart) -> bool:
