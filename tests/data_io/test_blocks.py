@@ -7,7 +7,7 @@ from data_io import LogError
 from data_io.source import Request, load
 from data_io.table import read_tables
 
-ROWS = 20_000
+ROWS = 8_000
 HEADER = b"time (s),Fz (N),Fx (N)\n"
 
 

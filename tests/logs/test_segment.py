@@ -63,7 +63,7 @@ def fast():
 @pytest.fixture(scope="module")
 def drawn():
     rng = np.random.default_rng(11)
-    pairs = [drawn_pair(rng) for _ in range(3)]
+    pairs = [drawn_pair(rng) for _ in range(2)]
     return [(oracle.simulate(pair, log[0], 1.0, log[1]), *log) for pair in pairs for log in LOGS]
 
 
