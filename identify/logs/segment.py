@@ -386,7 +386,21 @@ def _judge(trace: _Trace) -> _Trace:
     else:
         slips[-1] &= after >= 0.6 * durations[-1]
     trace = replace(trace, peaks=peaks, valleys=valleys, slips=slips, slopes=slopes, stick_slope=reference)
-    settling = _settling(trace, first if loading else usual)
+    # Where the force never again rises like a stick, and swings fade, it slides.
+    compared, settling, rise = first if loading else usual, peaks.size, trace.rise(last, trace.last)
+    if compared > 0.0:
+        steepness = slopes / compared
+        settled = after > 1.5 * _median(np.diff(trace.time[peaks])) and rise < LEAST_RISE * compared * after
+        if settled:
+            top = last + int(np.argmax(trace.coarse[last:] - trace.coarse[last] >= 0.9 * rise))
+            steepness = np.append(steepness, trace.slope(last, top) / compared)
+        sticking = np.flatnonzero(steepness >= ARRESTING)
+        start = int(sticking[-1]) + 1 if sticking.size else 0
+        swings, falls = steepness[start:], drops[max(start, 1) :]  # the first drop, after loading, is larger anyway
+        # One or two are no slips where steady sliding follows; several where they also fade.
+        few = swings.size < 3 or falls.size < 2
+        fade = not few and falls[-1] < FADED[0] * falls[0] and swings[-1] < FADED[1] * swings[0]
+        settling = start if fade or (few and swings.size and settled) else settling
     slips[settling:] = False
     return replace(trace, loading_slope=first if loading else None, ends_sliding=settling < peaks.size)
 
@@ -413,27 +427,6 @@ def _corners(trace: _Trace) -> tuple[Indices, Indices]:
         peaks[i] = middle - corner(fine[start : middle + 1][::-1])
         valleys[i] = last = middle + corner(-fine[middle : stop + 1])
     return peaks, valleys
-
-
-def _settling(trace: _Trace, reference: float) -> int:
-    """First of the last falls after which the force never again rises like a stick; their number if there is none."""
-    count, last = trace.peaks.size, int(trace.valleys[-1])
-    if reference <= 0:
-        return count
-    steepness, drops = trace.slopes / reference, trace.drops
-    tail, rise = trace.duration(last, trace.last), trace.rise(last, trace.last)
-    settled = tail > 1.5 * _median(np.diff(trace.time[trace.peaks])) and rise < LEAST_RISE * reference * tail
-    if settled:
-        top = last + int(np.argmax(trace.coarse[last:] - trace.coarse[last] >= 0.9 * rise))
-        steepness = np.append(steepness, trace.slope(last, top) / reference)
-    sticking = np.flatnonzero(steepness >= ARRESTING)
-    start = int(sticking[-1]) + 1 if sticking.size else 0
-    swings, dropping = steepness[start:], drops[max(start, 1) :]  # the first drop, after loading, is larger anyway
-    # One or two are no slips where steady sliding follows; several where they also fade.
-    if swings.size < 3 or dropping.size < 2:
-        return start if swings.size and settled else count
-    fades = dropping[-1] < FADED[0] * dropping[0] and swings[-1] < FADED[1] * swings[0]
-    return start if fades else count
 
 
 def _label(trace: _Trace) -> tuple[Phase, bool]:
