@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import chdtri, gammaincinv, ndtri, stdtr, stdtrit
+from scipy.special import chdtri, gammaincinv, ndtri, stdtrit
 
 
 def normal(probability: float) -> float:
@@ -19,11 +19,6 @@ def normal(probability: float) -> float:
 def student(probability: float, freedom: ArrayLike) -> NDArray[np.float64]:
     """Quantiles of Student's t, for each number of degrees of freedom."""
     return np.asarray(stdtrit(freedom, probability), dtype=np.float64)
-
-
-def student_below(value: float, freedom: float) -> float:
-    """The probability that Student's t stays below this value."""
-    return float(stdtr(freedom, value))
 
 
 def chi_square(probability: float, freedom: float) -> float:

@@ -19,10 +19,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
+from scipy.special import stdtr
 from scipy.stats import studentized_range
 
 from identify.base.errors import IdentifyError
-from identify.base.quantiles import LEVEL, chi_square, student, student_below
+from identify.base.quantiles import LEVEL, chi_square, student
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
@@ -99,7 +100,7 @@ class Difference:
             return None
         t = abs(self.value) / self.error
         if self.groups == 2:
-            return min(1.0, self.family * 2.0 * student_below(-t, self.df))
+            return min(1.0, self.family * 2.0 * float(stdtr(self.df, -t)))
         return min(1.0, self.family * float(np.exp(_log_exceeded(self.groups, self.df)(min(t, MOST_ERRORS)))))
 
 
