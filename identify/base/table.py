@@ -123,7 +123,9 @@ class OutputTable:
             [_plain_number(row[k]) if k else visible(_name(row[0])) for k in kept] for row in self.cells if len(row) > 1
         ]
         frame = pd.DataFrame(body[:LATEX_ROWS], columns=[visible(self.columns[k]) for k in kept])
-        text = str(frame.to_latex(index=False, escape=True, longtable=True, caption=_escaped(self.title)))
+        title = visible(self.title).translate({ord("\\"): "/", ord("~"): "-", ord("^"): None})
+        caption = re.sub(r"([&%$#_{}])", r"\\\1", title)  # which pandas leaves as it is
+        text = str(frame.to_latex(index=False, escape=True, longtable=True, caption=caption))
         return "".join(SYMBOLS.get(c, c if c.isprintable() or c == "\n" else "?") for c in text)
 
     def to_html(self, sortable: bool = False, style: str = "grid") -> Markup:
@@ -158,11 +160,6 @@ def _plain_number(cell: Cell) -> str:
     if isinstance(cell.value, float) and not cell.text:
         return f"{cell.value:.4g}" if math.isfinite(cell.value) else "--"
     return visible(cell.shown) if cell.value is not None or cell.text else ""
-
-
-def _escaped(text: str) -> str:
-    """Text of a caption, which pandas leaves as it is."""
-    return re.sub(r"([&%$#_{}])", r"\\\1", visible(text).replace("\\", "/")).replace("~", "-").replace("^", "")
 
 
 def workbook(tables: Sequence[OutputTable]) -> bytes:

@@ -326,12 +326,34 @@ class Fit:
         """The scene with the estimates as values, and the rig, drive speed and mean load of a log (from 1).
 
         Raises:
-            FitError: no such log, or no values to use.
+            FitError: no such log, no values to use, or the logs tell nothing of that log's group.
         """
         self._check_log(log)
+        result = self.typed
         if not self.converged:
-            raise FitError(f"this fit has no values ({self.typed.status}): {self.typed.message}")
-        return fitted_scene(self.typed, log)
+            raise FitError(f"this fit has no values ({result.status}): {result.message}")
+        scene = scene_of(result, "the result")
+        if scene.effects == "auto":
+            scene = scene.with_effects(result.effects.names)
+        pair = pair_of(result, scene, log - 1)
+        missing = [name for name, entry in result.parameters.items() if entry.value is None]
+        if pair.untold or (missing and not pair.values):
+            raise FitError(
+                pair.untold or f"this fit has no value of {', '.join(missing)}; fix it in the scene and fit again"
+            )
+        document, entry = result.logs[log - 1], scene.logs[result.numbers[log - 1]]
+        values = {**scene.values(entry), **pair.values}
+        rig, speed, load = scene.rig_for(entry), document.drive_speed_m_per_s, document.normal_force_N
+        rig = replace(
+            rig,
+            drive_speed=rig.drive_speed if speed is None else speed,
+            normal_force=rig.normal_force if load is None else load,
+            mass=values.get("mass", rig.mass),
+            stiffness=values.get("stiffness", rig.stiffness),
+            damping=values.get("damping", rig.damping),
+        )
+        specs = {p.name: replace(default_spec(p), fixed=values[p.name]) for p in scene.declared if p.kind != "rig"}
+        return replace(scene, rig=rig, parameters=specs, logs=())
 
     def save(self, folder: str | Path) -> Path:
         """Write report.html, result.json, classical.csv, result.h5 and figures/ into a folder, made where needed.
@@ -378,33 +400,3 @@ class Prediction:
 
         rows = {name: (n.value, *n.ends, n.unit) for name, n in self.answer.amplitude.numbers.items()}
         return pd.DataFrame.from_dict(rows, orient="index", columns=["value", "lower", "upper", "unit"])
-
-
-def fitted_scene(result: Result, log: int) -> Scene:
-    """The scene of a converged result with the estimates that hold for a log (from 1) as values, and its rig.
-
-    Raises:
-        FitError: the logs tell nothing of that log's group, or one of its parameters.
-    """
-    scene = scene_of(result, "the result")
-    if scene.effects == "auto":
-        scene = scene.with_effects(result.effects.names)
-    pair = pair_of(result, scene, log - 1)
-    missing = [name for name, entry in result.parameters.items() if entry.value is None]
-    if pair.untold or (missing and not pair.values):
-        raise FitError(
-            pair.untold or f"this fit has no value of {', '.join(missing)}; fix it in the scene and fit again"
-        )
-    document, entry = result.logs[log - 1], scene.logs[result.numbers[log - 1]]
-    values = {**scene.values(entry), **pair.values}
-    rig, speed, load = scene.rig_for(entry), document.drive_speed_m_per_s, document.normal_force_N
-    rig = replace(
-        rig,
-        drive_speed=rig.drive_speed if speed is None else speed,
-        normal_force=rig.normal_force if load is None else load,
-        mass=values.get("mass", rig.mass),
-        stiffness=values.get("stiffness", rig.stiffness),
-        damping=values.get("damping", rig.damping),
-    )
-    specs = {p.name: replace(default_spec(p), fixed=values[p.name]) for p in scene.declared if p.kind != "rig"}
-    return replace(scene, rig=rig, parameters=specs, logs=())
