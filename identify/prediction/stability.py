@@ -22,18 +22,6 @@ QUANTITIES = (*RIG, *FRICTION, "drive_speed", "normal_force")  # what the calcul
 TINY = 1e-200  # a step into the complex plane
 
 
-def settings(rig: object, friction: object, drive_speed: ArrayLike, normal_force: ArrayLike) -> dict[str, Array]:
-    """The arguments of the calculators by name (QUANTITIES), arrays of one shape (n,) or floats; speeds without sign.
-
-    Args:
-        rig: anything with mass [kg], stiffness [N/m] and damping h [N/m].
-        friction: anything with mu_s, mu_k0, delta_mu_k, a [s/m], D [m], t_cr [s]; D = 0 means no contact ageing.
-    """
-    values = [getattr(rig, name) for name in RIG] + [getattr(friction, name) for name in FRICTION]
-    shaped = np.broadcast_arrays(*values, np.abs(drive_speed), normal_force)
-    return {name: np.asarray(q, float)[()] for name, q in zip(QUANTITIES, shaped, strict=True)}
-
-
 def _linearise(q: dict[str, Array]) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Resistance, step and ageing of m x'' + resistance x' + k x + F step dgamma = 0, dgamma' = -dgamma/t_cr - x'/D."""
     v, left = q["drive_speed"], np.exp(-q["a"] * q["drive_speed"])
@@ -113,7 +101,9 @@ def eigenvalues(
         is fully worn (v_acr > 1: gamma stays 0 and ageing plays no part).
     """
     sign = np.sign(np.asarray(drive_speed, float)) + (np.asarray(drive_speed) == 0)
-    q = {name: np.asarray(value) for name, value in settings(rig, friction, drive_speed, normal_force).items()}
+    known = [getattr(rig, name) for name in RIG] + [getattr(friction, name) for name in FRICTION]
+    shaped = np.broadcast_arrays(*known, np.abs(drive_speed), normal_force)
+    q = {name: np.asarray(value, float) for name, value in zip(QUANTITIES, shaped, strict=True)}
     with np.errstate(all="ignore"):
         roots = _roots(q)
         order = np.lexsort((-roots.imag, -roots.real), axis=-1)
