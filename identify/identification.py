@@ -268,16 +268,22 @@ def _estimated(task: Task) -> tuple[list[Prepared], Findings]:
     prepared, unknowns = task.prepared, task.unknowns
     if refused := wrong_unit(prepared):
         return prepared, Findings(Status.MODEL_MISFIT, refused, unknowns)
-    with within(SEARCH_SHARE * seconds_left()):
-        explained = partial(takes_misfit, unknowns=unknowns)
-        problem = SearchProblem(prepared, unknowns, task.starts, task.seed, True, explained, task.known, task.progress)
-        attempt, left_out = search(problem)
-    if attempt is not None:
-        prepared = with_strengths(prepared, attempt.fitted_logs[0].data.strength_sd)
+    for explained in (partial(takes_misfit, unknowns=unknowns), SearchProblem.explained):
+        with within(SEARCH_SHARE * seconds_left()):
+            problem = SearchProblem(
+                task.prepared, unknowns, task.starts, task.seed, True, explained, task.known, task.progress
+            )
+            attempt, left_out = search(problem)
+        if attempt is not None:
+            prepared = with_strengths(task.prepared, attempt.fitted_logs[0].data.strength_sd)
+        with stage("intervals"):
+            task.progress("intervals", 0.9)
+            findings = _quantified(task, prepared, attempt, left_out)
+            findings = explain(findings, task.scene, task.records, prepared, task.progress)
+        unclear = findings.status in MISFITS and not findings.explained
+        if attempt is None or not (unclear and takes_misfit(attempt, unknowns)):
+            break  # else the search ended for what is no cause
     with stage("intervals"):
-        task.progress("intervals", 0.9)
-        findings = _quantified(task, prepared, attempt, left_out)
-        findings = explain(findings, task.scene, task.records, prepared, task.progress)
         prepared, findings = _with_rig_estimated(task, prepared, findings)
         if _logs_may_differ(task.scene, findings):
             return _with_logs_apart(task, prepared, findings)

@@ -41,7 +41,7 @@ Array = NDArray[np.float64]
 
 MISFITS = (Status.MODEL_MISFIT, Status.WRONG_EVENT_COUNT, Status.SOLVER_FAILED)
 CLEAR = 16.0  # fall of chi^2 that noise does not reach
-REMAINS = 0.1  # share of a misfit that may remain where its cause is named
+REMAINS = 0.1  # share of a misfit that remains to first order where its cause is clear
 MATTERS = 0.05  # of its size by which a parameter must move for an answer that fits to be refused
 REFITTED = 3  # quantities that are fitted again at most
 ROUNDS = 6  # solves with a quantity moved, each from the step of the one before
@@ -101,8 +101,10 @@ def explain(
 
 def takes_misfit(attempt: Attempt, unknowns: Unknowns) -> bool:
     """Whether one quantity that was stated takes all but REMAINS of a misfit away, to first order."""
+    if not np.isfinite(attempt.excess):  # where scores may be none either
+        return False
     scores = score_table(attempt.solved, held_quantities(attempt, unknowns)).scores
-    return np.isfinite(attempt.excess) and bool(scores) and scores[0].score > (1.0 - REMAINS) * attempt.excess
+    return bool(scores) and scores[0].score > (1.0 - REMAINS) * attempt.excess
 
 
 def _doubtful(findings: Findings) -> bool:
@@ -133,8 +135,8 @@ def _with_cause(findings: Findings, scene: Scene, read: Sequence[Record], ended:
     # First one of each class, by its highest score, and of a class that which has to move least for what is usual.
     classes = [sorted(some, key=lambda one: abs(one.step) / one.column.usual) for some in table.classes(CLEAR)]
     ordered = [one for row in zip_longest(*classes) for one in row if one is not None]
-    # Of an answer that fits already a cause has to fit clearly better, else to leave little of the misfit.
-    clearly = attempt.excess - CLEAR * _inflation(attempt) if fits else REMAINS * attempt.excess
+    # Beside an answer that fits already a cause has to fit clearly better.
+    enough = attempt.excess - CLEAR * _inflation(attempt) if fits else np.inf
     causes, tries = list[_Cause](), 0
     for score in ordered:
         # What passes as autocorrelated noise may yet be a misfit that another cause has not.
@@ -149,7 +151,7 @@ def _with_cause(findings: Findings, scene: Scene, read: Sequence[Record], ended:
             with_effect = score.column.name in EFFECTS
             cause = _with_effect(scene, read, ended, score) if with_effect else _refitted(ended, score)
         note(SearchTrial(f"{REFIT}: {score.column.name}", (), "examined", None, round(now() - began, 4)))
-        if cause is not None and (cause.attempt.excess < clearly or (cause.attempt.fits and not fits)):
+        if cause is not None and cause.attempt.fits and cause.attempt.excess < enough:
             # Where it hardly had to move, the misfit was the search's.
             unsure = with_effect or cause.score.column.change is None  # its error is that of the score before
             causes += [cause] if unsure or abs(cause.size) > np.sqrt(CLEAR) * cause.error else []
@@ -287,11 +289,9 @@ def _caused(findings: Findings, scene: Scene, causes: Sequence[_Cause], *, fits:
     apart = ", which these data cannot distinguish" if len(named) > 1 else ""
     words, remedies = ", or ".join(named), "; or ".join(dict.fromkeys(each.remedy for each in named.values()))
     if not fits:
-        share = f"but for {100.0 * max(best.attempt.excess, 0.0) / attempt.excess:.2g} % of it"
         message = (
-            f"{words}{apart and f'{apart},'} explains the misfit {'within the noise' if best.attempt.fits else share}: "
-            f"{remedies}; as stated the model does not describe these data (misfit {attempt.gate.chi2_per_sample:.3g} "
-            "times the noise variance)"
+            f"{words}{apart and f'{apart},'} explains the misfit within the noise: {remedies}; as stated the model "
+            f"does not describe these data (misfit {attempt.gate.chi2_per_sample:.3g} times the noise variance)"
         )
         return replace(findings, status=Status.MODEL_MISFIT, message=message)
     # The parameter that moves most for its size, of those the data determine.
