@@ -101,10 +101,10 @@ def explain(
 
 def takes_misfit(attempt: Attempt, unknowns: Unknowns) -> bool:
     """Whether one quantity that was stated takes all but REMAINS of a misfit away, to first order."""
-    if not np.isfinite(attempt.excess):  # where scores may be none either
-        return False
-    scores = score_table(attempt.solved, held_quantities(attempt, unknowns)).scores
-    return bool(scores) and scores[0].score > (1.0 - REMAINS) * attempt.excess
+    solved = attempt.solved
+    misfit = 2.0 * solved.solution.cost - solved.problem.samples  # of an iterate that is no motion of the model, too
+    scores = score_table(solved, held_quantities(attempt, unknowns)).scores if np.isfinite(misfit) else ()
+    return bool(scores) and scores[0].score > (1.0 - REMAINS) * misfit
 
 
 def _doubtful(findings: Findings) -> bool:
