@@ -102,7 +102,7 @@ def explain(
 def takes_misfit(attempt: Attempt, unknowns: Unknowns) -> bool:
     """Whether one quantity that was stated takes all but REMAINS of a misfit away, to first order."""
     solved = attempt.solved
-    misfit = 2.0 * solved.solution.cost - solved.problem.samples  # of an iterate that is no motion of the model, too
+    misfit = (attempt.gate.chi2_per_sample - 1.0) * solved.problem.samples  # also where the solver left the model
     scores = score_table(solved, held_quantities(attempt, unknowns)).scores if np.isfinite(misfit) else ()
     return bool(scores) and scores[0].score > (1.0 - REMAINS) * misfit
 
