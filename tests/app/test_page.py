@@ -119,6 +119,11 @@ def test_a_slider_moves_the_simulated_force(root, page):
     page.wait("document.querySelector('textarea').value.includes('mu_s = {start = ')")
 
 
+def test_a_map_that_lacks_a_speed_or_a_force_says_so(page):
+    go(page, "map")  # the page complains nowhere else: see its fixture
+    page.wait("document.querySelector('#view').innerText.includes('There is no map of this: the scene states no')")
+
+
 def scene_by_hand(page):
     """Choose all logs, make a scene of them and fill in what it lacks."""
     page.wait("document.querySelectorAll('#logs tbody tr').length === 2")
