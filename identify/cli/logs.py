@@ -22,13 +22,12 @@ from identify.scene.toml import is_rig, with_rig_file
 def inspect(arguments: Namespace, terminal: Terminal) -> Answer:
     """Say it for each log. Among several logs one that cannot be read is rejected and the others are still seen."""
     plot = picture(arguments.plot)
-    rig = StatedRig(
-        **{
-            name: quantity(text, unit, f"--{name.replace('_', '-')}")
-            for name, unit in (("stiffness", "N/m"), ("drive_speed", "m/s"), ("mass", "kg"))
-            if (text := getattr(arguments, name)) is not None
-        }
+    given = (
+        ("stiffness", "N/m", arguments.stiffness),
+        ("drive-speed", "m/s", arguments.drive_speed),
+        ("mass", "kg", arguments.mass),
     )
+    rig = StatedRig(*(None if text is None else quantity(text, unit, f"--{name}") for name, unit, text in given))
     inspections: list[tuple[str, Inspection | None]] = []
     logs: list[object] = []
     unread: list[str] = []
