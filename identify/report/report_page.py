@@ -13,7 +13,7 @@ from markupsafe import Markup
 
 from identify.base.outcome import Status
 from identify.base.result import LogResult, Result
-from identify.base.wording import DASH, number, quantity
+from identify.base.wording import DASH, decimals, number, quantity
 from identify.prediction.wording import listed
 from identify.report import report_tables as tables
 from identify.report import report_wording as wording
@@ -88,7 +88,8 @@ def banner(result: Result) -> dict[str, object]:
     ]
     gate, fit = result.gate, result.fit
     if gate is not None:
-        tiles.append(("misfit", number(gate.chi2_per_sample, 4), "χ² per sample; 1 is pure noise"))
+        misfit = DASH if gate.chi2_per_sample is None else decimals(gate.chi2_per_sample, 3)
+        tiles.append(("misfit", misfit, "χ² per sample; 1 is pure noise"))
         if (worst := gate.worst_cycle) is not None:
             where = f"log {worst.log}, cycle {worst.cycle}; a few is usual, above 6 is refused"
             tiles.append(("worst cycle", f"z = {number(worst.z, 3)}", where))
