@@ -196,8 +196,6 @@ def _notes(scene: Scene, prepared: list[Prepared], findings: Findings) -> Iterat
     yield from (f"{name}: {message}." for name, message in dict.fromkeys(doubts))
     yield from _events(prepared, findings)
     yield from () if findings.estimated is None else findings.estimated.notes
-    for index, reason in sorted(findings.left_out.items()):
-        yield f"Log {index + 1} was left out of the fit: {reason}."
 
 
 def _events(prepared: list[Prepared], findings: Findings) -> Iterator[str]:
