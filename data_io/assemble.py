@@ -26,7 +26,6 @@ _CHANNEL_KINDS: Final = ("length", "speed", "force", "time")
 _FEWEST: Final = 50  # rows from which a column is looked at for marks, or for standing still
 _NO_VALUE: Final = (32767.0, 32768.0, 65535.0, 2147483647.0)
 """Marks for no value besides those of nines only: what a converter shows over range."""
-_MARK_FAR: Final = 3.0  # times the range of all other numbers, by which a mark lies outside it
 _AXIS: Final = re.compile(r"(f|force|kraft)[xy]|[xy](force|kraft)?")
 """Keys of columns along the surface, of which one holds the friction force and the other hardly anything."""
 _STILL: Final = 1.5
@@ -183,7 +182,7 @@ def _without_marks(part: Part) -> tuple[Part, list[Finding]]:
             if others.size < values.size // 2 or np.count_nonzero(marked) < 2:
                 continue
             low, high = float(np.min(others)), float(np.max(others))
-            if max(mark - high, low - mark) > _MARK_FAR * (high - low):
+            if max(mark - high, low - mark) > 3.0 * (high - low):
                 rows |= marked
                 text = (
                     f"{np.count_nonzero(marked)} row(s) of {shown([part.header.names[index].raw])} hold {mark:g}, far "

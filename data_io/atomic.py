@@ -12,8 +12,6 @@ from typing import IO, TYPE_CHECKING, Any
 if TYPE_CHECKING:
     import h5py
 
-_BLOCK = 1 << 22  # bytes by which an HDF5 file grows in memory
-
 
 @contextmanager
 def atomic_path(path: str | Path) -> Iterator[Path]:
@@ -65,7 +63,7 @@ def atomic_hdf5(path: str | Path, **options: Any) -> Iterator[h5py.File]:
     """
     import h5py
 
-    with h5py.File(Path(path).name, "w", driver="core", backing_store=False, block_size=_BLOCK, **options) as file:
+    with h5py.File(Path(path).name, "w", driver="core", backing_store=False, block_size=(1 << 22), **options) as file:
         yield file
         file.flush()
         image = file.id.get_file_image()

@@ -73,9 +73,6 @@ def with_sound_clocks(request: Request, contents: Contents) -> Contents:
 _FEWEST: Final = 50  # rows from which an even clock is told from a few odd steps
 _MATTERS: Final = 0.05  # of an interval: a coarser rounding moves samples noticeably
 _NEAR: Final = 0.05  # of the grid by which intervals may miss its multiples: its decimals are rounded too
-_LEVELS: Final = 12  # different intervals that a rounded even clock has at most; one that jitters has many
-_STAMPS: Final = 20  # different stamps from which the line through rows that share them tells where each belongs
-_ODD: Final = 3  # intervals unlike the usual one that a rounding makes at least; fewer are rows lost or repeated
 _WITHIN: Final = 1.25  # steps of the grid that the line through an even clock may miss its stamps by, from end to end
 
 
@@ -93,9 +90,9 @@ def evened(time: FloatArray, of_step: str = "") -> tuple[FloatArray, list[Findin
     interval = float(time[-1] - time[0]) / (time.size - 1)
     change = np.diff(time)
     step = _grid(time)
-    if not 2.0 * _MATTERS * interval < step <= max(2.0, time.size / _STAMPS) * interval:
+    if not 2.0 * _MATTERS * interval < step <= max(2.0, time.size / 20) * interval:  # 20 stamps show the line
         return time, []
-    if np.count_nonzero(np.abs(change - np.median(change)) > _MATTERS * interval) < _ODD:
+    if np.count_nonzero(np.abs(change - np.median(change)) > _MATTERS * interval) < 3:  # rows lost or repeated
         return time, []
     places = np.arange(time.size)
     slope, begin = np.polyfit(places, time - time[0], 1)
@@ -115,7 +112,7 @@ def _grid(time: FloatArray) -> float:
     apart = _NEAR * float(np.mean(change))
     few = np.sort(thinned(change))
     levels = [float(group.mean()) for group in np.split(few, np.flatnonzero(np.diff(few) > apart) + 1)]
-    if len(levels) > _LEVELS:
+    if len(levels) > 12:  # it jitters
         return 0.0
     grid = min([*np.diff(levels).tolist(), *(level for level in levels if level > apart)], default=0.0)
     counts = change / grid if grid > 0 else np.array([0.5])
@@ -129,7 +126,6 @@ _TIME = re.compile(r"(\d{1,2}):(\d\d):(\d\d)(?:[.,](\d+))?")
 _WORD_DATE = re.compile(r"\b(\d{1,2})[ .-]+([A-Za-z]{3})[a-z]*\.?[ ,-]+(\d{4})\b")
 _ISO_DATE = re.compile(r"\b(\d{4})[-/.](\d{1,2})[-/.](\d{1,2})\b")
 _NUMBER_DATE = re.compile(r"\b(\d{1,2})/(\d{1,2})/(\d{2,4})\b")
-_REPEATS_ALLOWED: Final = 0.01
 
 
 Rows = npt.NDArray[np.intp] | slice
@@ -222,7 +218,7 @@ def usable_rows(source: Source, clock: StepClock) -> tuple[FloatArray, Rows, lis
             "numbers; a rising clock was expected, restarting only below a step header; cut or repair the log there"
         )
     repeated = int(np.count_nonzero(change == 0))
-    if repeated > max(LONGEST_GAP, _REPEATS_ALLOWED * time.size):
+    if repeated > max(LONGEST_GAP, 0.01 * time.size):
         raise source.error(
             f"the clock{of_step} repeats itself in {100 * repeated / time.size:.0f} % of the rows; a rising one was "
             "expected; export the time with more digits, or, if the rows follow each other evenly, give their rate, as "
@@ -279,7 +275,6 @@ def _some(labels: Sequence[str]) -> str:
 
 # Even clocks for logs without a time column: the interval stands above the rows, or the user gave the rate.
 
-_FEWEST_SLOW: Final = 10  # values from which on a column with blanks between them is one that is sampled slower
 CLOCK: Final = "X_Value"
 """Name of a clock that stands in no column."""
 
@@ -422,7 +417,7 @@ def _with_clocks_of_slow_columns(request: Request, part: Part) -> Part:
         clocks[index] = clock
         known = np.isfinite(part.columns[index])
         rows = np.flatnonzero(known) if not known.all() else np.empty(0)
-        if rows.size >= _FEWEST_SLOW and np.median(np.diff(rows)) >= 2:
+        if rows.size >= 10 and np.median(np.diff(rows)) >= 2:
             clocks |= {index: len(names), len(names): len(names)}
             columns[len(names)] = np.where(known, part.columns[clock], np.nan)
             names = (*names, names[clock])

@@ -67,7 +67,6 @@ EXAMPLES: Final = {
 }
 
 _LONGEST_SHOWN: Final = 60
-_LONGEST_PARSED: Final = 300
 _BRACKETS = re.compile(r"(.*?)\s*[(\[{（【]\s*([^()\[\]{}（）【】]*(?:\([^()]*\))?)\s*[)\]}）】]\s*")
 _SUFFIX = re.compile(r"(.*[^\s_/,])(?:\s*[_/,]\s*|\s+)([^\s_]+)")  # behind the last of them: normal_force_N
 
@@ -103,7 +102,7 @@ def parse_name(text: str) -> Name:
     something else.
     """
     text = text.strip().strip('"').strip()
-    if len(text) > _LONGEST_PARSED:
+    if len(text) > 300:
         return Name(text, text, None)
     plain = " ".join(text.split())
     if again := re.fullmatch(r"(.*[)\]}])(?:\.| Run #?)\d{1,3}", plain):  # Time [s].1 of pandas, Time (s) Run #1

@@ -13,7 +13,6 @@ from data_io.values import Finding, FloatArray
 Span = tuple[float, float]
 RAW: Final = {"friction_force": "raw friction force", "normal_force": "raw normal force"}
 """Channels of a corrected record that hold the forces as they were read [N]."""
-_RESTLESS: Final = 5.0  # standard deviations of the noise that a quiet interval may drift or scatter by
 
 
 @dataclass(frozen=True)
@@ -125,7 +124,7 @@ def _zero(record: Record, values: FloatArray, tare: float | Span, which: str) ->
     change = Change(kind, text, zero, "N", spread / float(np.sqrt(inside.size)))
     noise = noise_of(values[np.isfinite(values)])
     drift = float(np.ptp(np.polyval(np.polyfit(time - time[0], inside, 1), time - time[0]))) if time.size > 2 else 0.0
-    if max(spread, drift) <= _RESTLESS * noise:
+    if max(spread, drift) <= 5.0 * noise:
         return change, []
     text = (
         f"the {name} moves in the tare interval {tare[0]:g} to {tare[1]:g} s (by {max(drift, spread):.3g} N; "

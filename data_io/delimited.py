@@ -123,8 +123,6 @@ def read_rtec(source: Source, request: Request) -> Contents:
 
 _LINE: Final = re.compile(r"(\[)?([\d:., T/-]{8,32}?)(?(1)\]| ?-?>) ?(?:-?> ?)?(.*)")
 _STAMPED_LINE: Final = re.compile(rb"(?:^|[\r\n])\[?[\d:., T/-]{8,32}?(?:\]| ?-?>) ")
-_FEWEST_STAMPED: Final = 5
-_SHARE: Final = 0.8
 
 
 def is_stamped(head: bytes) -> bool:
@@ -133,7 +131,7 @@ def is_stamped(head: bytes) -> bool:
         return False
     lines = [line for line in as_utf8(head).decode().split("\n")[:100] if line.strip()]
     stamped = sum(_parted(line) is not None for line in lines)
-    return stamped >= max(_FEWEST_STAMPED, _SHARE * len(lines))
+    return stamped >= max(5, 0.8 * len(lines))
 
 
 def read_stamped(source: Source, request: Request) -> Contents:
@@ -178,8 +176,6 @@ _CETR = re.compile(rb"Created by CETR", re.IGNORECASE)
 _BRUKER = re.compile(rb"bruker|tribolab", re.IGNORECASE)
 _ITEM = re.compile(r"(.+?)\s*(?:=|:(?=\s|$)|\s-(?=\s))\s*(.*)")
 _FOLDER = re.compile(r"[A-Za-z]:\\")
-_LONGEST_ITEM: Final = 1000
-_MOST_ITEMS: Final = 300  # lines above a table that are kept; a step has some ten
 _ODD: Final = bytes(code for code in range(32) if code not in b"\t\n\r")
 _PHRASE = re.compile(r"(Script file|Run date|Created by)\s+(.*)", re.IGNORECASE)
 
@@ -234,8 +230,8 @@ def read_steps(source: Source, request: Request) -> Contents:
             elif new_step:
                 number, parameters, named = int(new_step[1]), {}, True
                 target = parameters
-            elif len(target) < _MOST_ITEMS:
-                line = " ".join("".join(c for c in line[:_LONGEST_ITEM] if c.isprintable()).split())
+            elif len(target) < 300:
+                line = " ".join("".join(c for c in line[:1000] if c.isprintable()).split())
                 match = _PHRASE.fullmatch(line) or (None if _FOLDER.match(line) else _ITEM.fullmatch(line))
                 key, value = (match[1].strip(), match[2].strip()) if match else ("note", line)
                 target[free_name(key, target)] = value

@@ -15,11 +15,7 @@ from data_io.table import read_tables
 from data_io.values import LogError
 
 _ZIP: Final = b"PK\x03\x04"
-_LARGEST: Final = 1 << 30
 _CELLS: Final = 1 << 22  # cells that are looked at in any workbook
-_SPARSE: Final = 4  # times the cells of all rows that rows of equal width may have
-_LOOKED_AT: Final = 1000
-_TOP: Final = 50  # rows that tell how the cells of a column are shown
 _OF_DAMAGE: Final = (
     OSError, zipfile.BadZipFile, zlib.error, ValueError, TypeError, LookupError, AttributeError, SyntaxError,
     RuntimeError, NotImplementedError, EOFError, ArithmeticError, AssertionError,
@@ -66,7 +62,7 @@ def _refuse_formulas(source: Source, title: str, name: str) -> None:
     import openpyxl
 
     book = openpyxl.load_workbook(io.BytesIO(source.read()), read_only=True, keep_links=False)
-    rows = book[title].iter_rows(values_only=True, max_row=_LOOKED_AT)
+    rows = book[title].iter_rows(values_only=True, max_row=1000)
     if any(isinstance(cell, str) and cell.startswith("=") for row in rows for cell in row):
         raise source.error(
             f"column {name!r} of sheet {title!r} holds formulas whose results the workbook does not keep; numbers were "
@@ -82,7 +78,7 @@ def _sheets(source: Source) -> dict[str, str]:
         data = source.read()
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             unpacked = sum(info.file_size for info in archive.infolist())
-        if unpacked > min(_LARGEST, max(LEAST_SUSPECT, MOST_TIMES * len(data))):
+        if unpacked > min((1 << 30), max(LEAST_SUSPECT, MOST_TIMES * len(data))):
             raise source.error(
                 f"the workbook unpacks to {unpacked / 1e6:.4g} MB, more than {MOST_TIMES} times its size or more than "
                 "1 GiB; a log was expected; save it as text"
@@ -112,10 +108,10 @@ def _as_text(source: Source, sheet: Any, most: int) -> str:
         if any(cell is not None for cell in row):
             rows.append(row)
     widths = np.sort([len(row) for row in rows])
-    fitting = widths * widths.size <= max(_CELLS, _SPARSE * int(widths.sum()))
+    fitting = widths * widths.size <= max(_CELLS, 4 * int(widths.sum()))
     width = int(widths[fitting][-1]) if fitting.any() else 0
     named, shown_so = set[int](), set[int]()  # columns called % whose cells are shown in percent hold a hundredth
-    for row in sheet.iter_rows(max_row=_TOP):
+    for row in sheet.iter_rows(max_row=50):
         for column, cell in enumerate(row):
             if isinstance(cell.value, str) and "%" in cell.value:
                 named.add(column)

@@ -42,21 +42,13 @@ if TYPE_CHECKING:
 _UNITS: Final = ("units", "unit", "Units", "Unit", "column_units")
 _NAMES: Final = ("columns", "column_names", "names", "labels", "channels", "channel_names", "fields", "header")
 """Attributes in which programmes keep the names of the columns of a matrix."""
-_WIDEST: Final = 256  # columns of the widest matrix: wider ones are pictures and spectra
 _SHOWN: Final = 12
-_DEEPEST: Final = 6
 _MOST_GROUPS: Final = 2000
 _PATIENCE: Final = 1
 """Seconds of computing after which a file whose structure is not walked through is given up; a sound one takes
 milliseconds."""
-_BYTES_PER_SECOND: Final = 2e9
-_MOST_ITEMS: Final = 100_000
-_SMALL: Final = 1 << 20  # bytes of a dataset that is read on the walk
-_LONGEST_CHAIN: Final = 16
 _HELD: Final = ("unable to lock file", "already open for write")
 """What the library says of a file that is sound, but not free."""
-_MOST_PACKED: Final = 1100  # times that deflation can pack bytes that are all alike
-_MOST_UNWRITTEN: Final = 10  # times the bytes that were written: a logger asks for room, and may stop before it is used
 
 # Files opened so that they can do no harm.
 
@@ -110,7 +102,7 @@ def opened(source: Source) -> Iterator[h5py.File]:
 @functools.lru_cache(maxsize=256)
 def _walked(path: str, _inode: int, size: int, _changed: int) -> int:
     """How another process ends that walks through a file as it is now (negative: by that signal)."""
-    patience = _PATIENCE + int(size / _BYTES_PER_SECOND)
+    patience = _PATIENCE + int(size / 2e9)  # bytes a second
     # a copy of this process would inherit the locks of its other threads
     if sys.platform == "linux" and threading.active_count() == 1:
         return _forked(path, patience)
@@ -154,7 +146,7 @@ def limited_walk(target: str | io.BytesIO, patience: int) -> None:
     signal.signal(signal.SIGXCPU, signal.SIG_DFL)
     with h5py.File(target, "r") as file:
         seen, stack = {h5py.h5o.get_info(file["/"].id).addr}, [file["/"]]
-        while stack and len(seen) < _MOST_ITEMS:
+        while stack and len(seen) < 100_000:
             item, names = stack.pop(), list[str]()
             _touch(item)
             with contextlib.suppress(*_LIBRARY_ERRORS):
@@ -186,7 +178,7 @@ def _touch(item: h5py.HLObject) -> None:
             return
         if item.chunks is not None:
             item.id.chunk_iter(lambda _: None)
-        if item.size is not None and item.size * item.dtype.itemsize <= _SMALL:
+        if item.size is not None and item.size * item.dtype.itemsize <= (1 << 20):
             item[()]
 
 
@@ -205,7 +197,7 @@ def _member(source: Source, file: h5py.File, path: str) -> h5py.Group | h5py.Dat
             )
         if isinstance(link, h5py.SoftLink):
             links += 1
-            if links > _LONGEST_CHAIN:
+            if links > 16:
                 return None
             parts = [part for part in link.path.split("/") if part] + parts
             place = file["/"] if link.path.startswith("/") else place
@@ -230,7 +222,8 @@ def check_promise(source: Source, name: str, promised: int, stored: int, packed:
 
     packed: whether its bytes are compressed. Raises the source's `LogError`.
     """
-    if promised > max(LEAST_SUSPECT, (_MOST_PACKED if packed else _MOST_UNWRITTEN) * stored):
+    # deflation packs what is all alike 1,100 times; a logger may ask for ten times the room that it comes to use
+    if promised > max(LEAST_SUSPECT, (1100 if packed else 10) * stored):
         raise source.error(
             f"the dataset {name!r} promises {promised / 1e6:.4g} MB and holds {stored / 1e6:.3g} MB; was it never "
             "written to its end? Copy or export it again"
@@ -284,7 +277,7 @@ def _columns_within(dataset: h5py.Dataset) -> list[_ColumnWithin]:
     if dataset.dtype.names and len([size for size in shape if size != 1]) <= 1:
         kinds = {name: dataset.dtype[name] for name in dataset.dtype.names}
         keys = labels = [name for name, kind in kinds.items() if kind.kind in "fiu" and not kind.shape]
-    elif len(shape) == 2 and dataset.dtype.kind in "fiu" and shape[0] != shape[1] and 1 < min(shape) <= _WIDEST:
+    elif len(shape) == 2 and dataset.dtype.kind in "fiu" and shape[0] != shape[1] and 1 < min(shape) <= 256:
         keys = range(min(shape))
         named = (_texts(dataset.attrs.get(key)) for key in _NAMES)
         base = dataset.name.rpartition("/")[2]
@@ -475,7 +468,7 @@ def _all_groups(file: h5py.File) -> list[h5py.Group]:
     import h5py
 
     groups, level = [file["/"]], [file["/"]]
-    for _ in range(_DEEPEST):
+    for _ in range(6):
         level = [item for group in level for _, item in _children(group) if isinstance(item, h5py.Group)]
         groups += level
         if len(groups) > _MOST_GROUPS:

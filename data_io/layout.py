@@ -39,9 +39,6 @@ WIDE: Final = r" {2,}|\t+"
 """Delimiter of a header whose names hold single blanks and stand apart by several."""
 COMMENT: Final = re.compile(r"^\s*(?:#|%|//)+\s*")
 DIGIT: Final = re.compile(r"\d")
-_LOOK_AHEAD: Final = 6
-_ROW_NAMES: Final = 20  # rows whose first fields are looked at for the names of rows
-_LONGEST_HEADER: Final = 20000
 
 
 @dataclass(frozen=True)
@@ -61,7 +58,7 @@ def head_at(source: Source, data: Text, position: int, request: Request) -> Head
     header row. Raises the source's `LogError` where a clear header (time and force) is followed by rows that misfit.
     """
     line, after = line_at(data, position)
-    if len(line) > _LONGEST_HEADER:
+    if len(line) > 20000:
         return None
     line = COMMENT.sub("", line, count=1)
     readings = [(d, *_with_names_above(data, position, d, fields, request)) for d, fields in _readings(line)]
@@ -191,7 +188,7 @@ def _rows_below(data: Text, position: int) -> tuple[list[tuple[int, str]], int, 
         if DIGIT.search(line) and any(is_row(split(line, candidate)) for candidate in DELIMITERS):
             return between, offset, line
         between.append((offset, line))
-        if len(between) > _LOOK_AHEAD:
+        if len(between) > 6:
             break
     return between, position, None
 
@@ -210,7 +207,7 @@ def _has_row_names(data: Text, start: int, delimiter: str, header: Header) -> bo
     """Tell whether rows hold the numbers 1, 2, 3, … in front of the named columns, as R's write.table writes them."""
     place = header.roles.get("time", -1) + 1
     own = BLANKS if delimiter == WIDE else delimiter
-    rows = [split(line, own) for _, line in itertools.islice(lines_from(data, start), _ROW_NAMES)]
+    rows = [split(line, own) for _, line in itertools.islice(lines_from(data, start), 20)]
     if place == 0 or len(rows) < 2 or any(len(r) != len(header.names) + 1 or not is_number(r[place]) for r in rows):
         return False
     times = [to_number(row[place], ".") or 0.0 for row in rows]  # thousands may be grouped
@@ -294,7 +291,6 @@ def numbered_head(data: Text, request: Request, *, goes_on: bool) -> Head | None
 
 # The decimal mark of a block of rows: point or comma, told from the other mark that may stand between thousands.
 
-_LOOKED_AT: Final = 200  # rows in which commas between thousands are looked for
 _COMMA_GROUPS: Final = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
 _POINT_GROUPS: Final = re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+")
 
@@ -311,7 +307,7 @@ def decimal_mark(source: Source, block: str, head: Head) -> str | None:
     roles = head.header.roles.values()
     split_rows = (split(line, head.delimiter) for line in block.split("\n"))
     rows = ([f[i] if ":" not in f[i] else "" for i in roles if i < len(f)] for f in split_rows)  # no clock times
-    first = list(itertools.islice(rows, _LOOKED_AT))
+    first = list(itertools.islice(rows, 200))
     telling = next((row for row in itertools.chain(first, rows) if any("," in f or "." in f for f in row)), None)
     if telling is None:
         return None

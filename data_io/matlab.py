@@ -18,8 +18,6 @@ from data_io.contents import Contents, Part
 from data_io.source import LEAST_SUSPECT, MOST_TIMES, Request, Source
 
 _MARK: Final = b"MATLAB 5.0 MAT-file"
-_HEADER: Final = 128
-_DEEPEST: Final = 4
 _NUMBERS: Final = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 """How the numbers of a data element are stored, by its type (miINT8 to miUINT64)."""
 _MATRIX: Final = 14
@@ -33,7 +31,6 @@ _OPAQUE: Final = 17
 _OTHERS: Final = (4, 5, 16, _OPAQUE, 18)
 """Classes of arrays that are no columns: texts, sparse matrices, functions, opaque ones."""
 _NOTHING: Final = ((0, memoryview(b"")),) * 4
-_COMPLEX: Final = 0x800
 _LONGEST_NAME: Final = 64
 
 Columns = dict[str, npt.NDArray[Any]]
@@ -84,7 +81,7 @@ def _columns(source: Source, objects: list[str] | None = None) -> Columns:
     objects = [] if objects is None else objects
     number = 0
     try:
-        for kind, body in _elements(memoryview(data)[_HEADER:], order):
+        for kind, body in _elements(memoryview(data)[128:], order):
             number += 1
             if kind == _PACKED:
                 unpacked = _unpacked(body, most)
@@ -162,7 +159,7 @@ def _array(body: memoryview, order: str) -> _Array:
     if min(shape) < 0:
         raise _DamageError(f"a dimension is {min(shape)}")
     words = bytes(name).decode("latin-1")
-    return _Array(flag & 0xFF, bool(flag & _COMPLEX), shape, words[:_LONGEST_NAME], parts)
+    return _Array(flag & 0xFF, bool(flag & 0x800), shape, words[:_LONGEST_NAME], parts)
 
 
 def _variable(kind: int, body: memoryview, order: str, out: Columns, objects: list[str]) -> None:
@@ -198,7 +195,7 @@ def _collect(name: str, array: _Array, order: str, out: Columns, depth: int) -> 
         if array.kind == _OBJECT:
             array.part((1, 2, *_TEXTS), "the name of its class")
         fields = [name] if array.kind == _CELL else [f"{name}.{field}" for field in _field_names(array, order)]
-        if array.size != 1 or depth >= _DEEPEST:
+        if array.size != 1 or depth >= 4:
             return
         for field in fields:
             _, body = array.part((_MATRIX,), "the contents")

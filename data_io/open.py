@@ -55,7 +55,6 @@ READERS: Final = (
 ROLES: Final = (*COLUMN_ROLES, "position")
 """What a column can be named for."""
 
-_LEAST_TEXT: Final = 32  # bytes of text before zero bytes that tell a text from a file of another kind
 
 REFUSED: Final = (
     (re.compile(rb"\xd0\xcf\x11\xe0"), "an old Excel workbook (.xls); .xlsx or text was expected; save it as one"),
@@ -162,7 +161,7 @@ def contents_of(source: Source, request: Request) -> Contents:
             return with_drive_of_rotation(request, contents)
     _refuse_by_name(source)
     zeros = re.search(rb"\x00+", source.head)
-    if zeros is not None and zeros.start() >= _LEAST_TEXT and looks_like_text(source.head[: zeros.start()]):
+    if zeros is not None and zeros.start() >= 32 and looks_like_text(source.head[: zeros.start()]):
         raise source.error(
             f"from byte {zeros.start()} on (below line {source.head.count(10, 0, zeros.start())}) {len(zeros[0])} zero "
             "bytes stand in the text, as after a crash while it was written; rows of numbers were expected; take them "

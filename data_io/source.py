@@ -53,7 +53,6 @@ MOST_TIMES: Final = 100
 """A log packs to a tenth of its size; what packs to less than one in this many is a trap or holds nothing."""
 HEAD: Final = 65536
 """Bytes that a reader sees when it is asked whether it can read a file."""
-_LARGE: Final = 1 << 22  # bytes from which memory is asked for in large pages
 _LARGEST: Final = 1 << 31  # bytes of a packed file that may be taken into memory
 
 
@@ -129,7 +128,7 @@ class Source:
 
     def text(self) -> bytes | mmap.mmap:
         """Return the same, of a large file in large pages of memory, which are filled in half the time."""
-        if self.held is not None or self.size < _LARGE or not hasattr(mmap, "MADV_HUGEPAGE"):
+        if self.held is not None or self.size < (1 << 22) or not hasattr(mmap, "MADV_HUGEPAGE"):
             return self.read()
         data = mmap.mmap(-1, self.size, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
         data.madvise(mmap.MADV_HUGEPAGE)

@@ -47,9 +47,7 @@ _MOST_WORDS: Final = 1 << 20  # characters without a row of numbers after which 
 _MOST_TABLES: Final = 5000
 """Steps of the longest test; a text with more headers is no log, and would take minutes to refuse otherwise."""
 _MOST_LOOKED_AT: Final = 20_000  # lines of words in a row in which a header is looked for; more would take seconds
-_MOST_ZEROS: Final = 1 << 18
 _MOST_REMARKS: Final = 20
-_MOST_BREAKS: Final = 12  # lines that a quoted header may take
 _OPEN_CELL: Final = re.compile(r'(?:^|[,;\t])\s*"[^"]*$')
 """A quoted cell that begins behind a delimiter and does not end in its line."""
 _NUMBERS: Final = b"0123456789+-.eE,;\t \n"
@@ -91,7 +89,7 @@ def read_tables(
     data = source.text()
     if not is_plain(data):
         data = data[:]
-        if b"\0" in data and bytes(_MOST_ZEROS) in data.rstrip(b"\0"):
+        if b"\0" in data and bytes(1 << 18) in data.rstrip(b"\0"):
             raise source.error(
                 "the file holds long stretches of zero bytes; lines of text were expected; copy or export it again"
             )
@@ -405,7 +403,7 @@ def _without_breaks(data: Text) -> Text:
             break
         if line.startswith("#"):  # a comment has no cells
             continue
-        below = lines[i + 1 : i + 1 + _MOST_BREAKS]
+        below = lines[i + 1 : i + 1 + 12]
         for beyond, more in enumerate(below, 1):
             if not _OPEN_CELL.search(line):
                 lines[i : i + beyond] = [line, *[""] * (beyond - 1)]

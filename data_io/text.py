@@ -53,9 +53,7 @@ _BOMS: Final = ((codecs.BOM_UTF8, "utf-8"), (codecs.BOM_UTF16_LE, "utf-16-le"), 
 _GROUP_MARKS: Final = "\u202f\u00a0\u2009\u2019"
 """Narrow blanks and the typographic apostrophe between thousands; the plain one stands in text of one byte, too."""
 _THOUSAND: Final = re.compile(r"\d{3}(?!\d)")
-_HEAD: Final = 1 << 16
 _BLOCK: Final = 1 << 20
-_LEAST_UNMARKED: Final = 32
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
 
 
@@ -104,7 +102,7 @@ def _encoding(head: bytes) -> str | None:
 def _without_mark(head: bytes) -> str | None:
     """Name the UTF-16 of a text without its mark, None where it is none: every other byte is zero, the rest text."""
     for zeros, others, name in ((head[1::2], head[::2], "utf-16-le"), (head[::2], head[1::2], "utf-16-be")):
-        plain = len(head) >= _LEAST_UNMARKED and zeros.count(0) > 0.9 * len(zeros) and b"\n" in others
+        plain = len(head) >= 32 and zeros.count(0) > 0.9 * len(zeros) and b"\n" in others
         if plain and not _CONTROL.search(others):
             return name
     return None
@@ -119,7 +117,7 @@ def is_plain(data: Text) -> bool:
 def as_utf8(data: bytes) -> bytes:
     """Return a whole log in UTF-8: told by byte-order mark, else UTF-8 with single bytes of cp1252. Lines end in a
     newline; marks between thousands and zero bytes at the end are gone. Plain bytes are not copied."""
-    encoding = _encoding(data[:_HEAD])
+    encoding = _encoding(data[: (1 << 16)])
     if encoding is not None or not data.isascii():
         if encoding is not None:
             text = data.decode(encoding, "replace").removeprefix("\ufeff")

@@ -80,7 +80,6 @@ ABOUT: Final = "about"
 _DISTRIBUTION: Final = "stick-slip-workbench"
 _CHUNK: Final = 1 << 16
 _BLOCK: Final = 1 << 22
-_LEVEL: Final = 1  # of gzip: with the bytes shuffled, higher levels cost time and gain little
 
 
 CSV_MARK: Final = f"# {FORMAT} "
@@ -125,7 +124,7 @@ def write_hdf5(
                 link = name.replace("/", "|") if name != "." else "(.)"  # no link may hold a slash
                 data = group.create_dataset(
                     link, shape=part.shape, dtype=np.float64, chunks=(min(part.size, _CHUNK),), shuffle=True,
-                    compression="gzip", compression_opts=_LEVEL, fletcher32=True,
+                    compression="gzip", compression_opts=1, fletcher32=True,
                 )  # fmt: skip
                 for begin in range(0, part.size, _BLOCK):
                     data[begin : begin + _BLOCK] = part[begin : begin + _BLOCK]
