@@ -53,7 +53,7 @@ from identify.estimation.starts import Sources
 from identify.estimation.stick_strength import with_strengths
 from identify.logs.prepare import Prepared
 from identify.logs.scene_records import prepare_scene, with_drives, with_records
-from identify.logs.unknowns import Unknowns, from_scene, stated_rig, user_start
+from identify.logs.unknowns import from_scene, stated_rig, user_start
 from identify.model.model import RIG_PARAMETERS
 from identify.report.log_document import detected_curves, fitted_curves, refused_curves
 from identify.report.result import result_of, with_accuracy
@@ -84,25 +84,14 @@ SCALES = ("drive_speed", "friction_force")  # what a stiffness, mass and damping
 
 
 @dataclass(frozen=True)
-class Task:
-    """What is to be estimated.
+class Task(EstimationTask):
+    """What is to be estimated: beside what every estimator is given, the records of the logs as they were read, how
+    finely and which further results, and where the search starts, and before that at `known` (n_p,)."""
 
-    Attributes
-    ----------
-    scene, records: the scene, and the records of its logs as they were read.
-    prepared, unknowns: what the estimator takes of them, and the search space.
-    options: how finely, and which further results; starts: where the search starts, and before that at `known` (n_p,);
-    seed: of all that is drawn.
-    """
-
-    scene: Scene
+    logs: list[Prepared]
     records: Sequence[Record]
-    prepared: list[Prepared]
-    unknowns: Unknowns
     options: FitOptions
     starts: Sources
-    seed: int
-    progress: Progress
     known: Array | None = None
 
 
@@ -138,6 +127,7 @@ def fit(
     """
     from identify.report.finished import Fit  # pages and predictions: not needed before there is a fit
 
+    # Prepare: the scene with its drives and effects, the logs cut into cycles.
     began, worked, in_functions = time.perf_counter(), time.process_time(), Mapped.total
     report = noticed_once(progress or to_nobody)
     given = Scene.of(scene)
@@ -159,14 +149,16 @@ def fit(
         task = _prepared(used, records, asked, starts, seed, report)
         if choice is not None and choice.ended is not None and choice.ended.attempt is not None:
             task = replace(task, known=values_of(choice.ended, task.unknowns))
+        # Start, solve and test; then quantify an answer, or explain why there is none.
         with within(left), tracing() as trace:
             if choice is not None and choice.unfinished:
                 trace.not_tried.append("comparison of effects")
             if estimator is None:
                 logs, findings = plain_or_uneven(task)
             else:
-                logs, findings = task.prepared, estimated_by(estimator, task)
+                logs, findings = task.logs, estimated_by(estimator, task)
         findings = _with_trace(findings, trace, used.time_limit)
+    # Report.
     report(LAST_STAGE, 0.95)
     used, curves = findings.scene or used, _curves(logs, findings)
     seconds["total"] = taken = time.perf_counter() - began
@@ -182,22 +174,6 @@ def fit(
     )
     report(LAST_STAGE, 1.0)
     return Fit(result.to_dict(), curves)
-
-
-def find(
-    scene: Scene,
-    records: Sequence[Record] | None = None,
-    *,
-    progress: Progress = to_nobody,
-    starts: Sources | None = None,
-    seed: int = 0,
-    asked: FitOptions = DEFAULT_OPTIONS,
-) -> tuple[list[Prepared], Findings]:
-    """The estimation of `fit` by multiple shooting, without its report; arguments and errors as there."""
-    task = _prepared(scene, records, asked, starts, seed, progress)
-    with within((1.0 - REPORT_SHARE) * task.scene.time_limit), tracing() as trace:
-        logs, findings = _estimated(task)
-    return logs, _with_trace(findings, trace, task.scene.time_limit)
 
 
 def _prepared(
@@ -236,19 +212,19 @@ def _prepared(
         for sentence in prefit_warnings(ready.logs):
             progress(Notice(sentence), 0.08)
     starts = starts or ("both" if user_start(scene) else "data")
-    return Task(ready.scene, ready.records, ready.logs, ready.unknowns, options, starts, seed, progress)
+    return Task(ready.scene, ready.logs, ready.unknowns, seed, progress, ready.records, options, starts)
 
 
 def plain_or_uneven(task: Task) -> tuple[list[Prepared], Findings]:
     """What multiple shooting finds, and where it fails since cycles differ among themselves, the estimator of uneven
     records; where that fails too, what multiple shooting found."""
-    differ = not alike([log for log in task.prepared if log.left_out is None])
+    differ = not alike([log for log in task.logs if log.left_out is None])
     with within((PLAIN_SHARE if differ else 1.0) * seconds_left()):
         prepared, findings = _estimated(task)
     if findings.status is Status.CONVERGED or alike([log for log in prepared if log.left_out is None]):
         return prepared, findings
     began = now()
-    uneven = estimated_by(UnevenEstimator(), replace(task, prepared=prepared))
+    uneven = estimated_by(UnevenEstimator(), replace(task, logs=prepared))
     logs = tuple(i + 1 for i in range(len(prepared)) if i not in uneven.left_out)
     note(SearchTrial("uneven estimator", logs, uneven.status.value, None, round(now() - began, 4)))
     if uneven.status is not Status.CONVERGED:
@@ -258,14 +234,14 @@ def plain_or_uneven(task: Task) -> tuple[list[Prepared], Findings]:
 
 def estimated_by(estimator: Estimator, task: Task) -> Findings:
     """What another estimator finds, as the result document takes it."""
-    answer = estimator.estimate(EstimationTask(task.scene, task.prepared, task.unknowns, task.seed, task.progress))
+    answer = estimator.estimate(task)
     findings = Findings(answer.status, answer.message, task.unknowns, left_out=answer.left_out, estimated=answer)
     return replace(findings, estimator=estimator.name)
 
 
 def _estimated(task: Task) -> tuple[list[Prepared], Findings]:
     """The logs as they were fitted and what was found: started, solved and tested, then quantified or explained."""
-    prepared, unknowns = task.prepared, task.unknowns
+    prepared, unknowns = task.logs, task.unknowns
     if refused := wrong_unit(prepared):
         return prepared, Findings(Status.MODEL_MISFIT, refused, unknowns)
     for explained in (partial(takes_misfit, unknowns=unknowns), SearchProblem.explained):
@@ -288,6 +264,29 @@ def _estimated(task: Task) -> tuple[list[Prepared], Findings]:
         if _logs_may_differ(task.scene, findings):
             return _with_logs_apart(task, prepared, findings)
     return prepared, findings
+
+
+def _quantified(task: Task, prepared: list[Prepared], attempt: Attempt | None, left_out: dict[int, str]) -> Findings:
+    """Status, sentence, estimates and intervals of where a search ended."""
+    scene, unknowns = task.scene, task.unknowns
+    if attempt is None:
+        return Findings(*untried(prepared, left_out), unknowns, left_out=left_out)
+    if not np.all(np.isfinite(attempt.solved.theta)):
+        return Findings(*ended(attempt, {}), unknowns, attempt, left_out)
+    rig, speed_error = stated_rig(scene), scene.rig.tolerances.get("drive_speed", 0.0)
+    question = Question(unknowns, unknowns.base(rig), task.options, speed_error, task.seed, task.progress)
+    sure = certainty(attempt, question)
+    if sure is None:
+        return Findings(Status.SOLVER_FAILED, underivable(attempt), unknowns, attempt, left_out)
+    attempt, theta, bounds = sure.attempt, sure.attempt.solved.theta, dict[str, str]()
+    for at in (theta, *(trajectory.theta(theta) for trajectory in attempt.solved.trajectories)):
+        bounds = at_bounds(unknowns, at) | bounds
+    status, message = sure.refused or ended(attempt, bounds)
+    if status is Status.CONVERGED:
+        message = slides_only(attempt.fitted_logs, attempt.solved.trajectories) or message
+    accepted = attempt.fits and sure.refused is None
+    held = against_data(attempt, unknowns, rig, largest_inflation(attempt, sure.allowed.noise)) if accepted else {}
+    return Findings(status, message, unknowns, attempt, left_out, sure, held)
 
 
 def _with_rig_estimated(task: Task, prepared: list[Prepared], findings: Findings) -> tuple[list[Prepared], Findings]:
@@ -316,8 +315,8 @@ def _with_rig_estimated(task: Task, prepared: list[Prepared], findings: Findings
     rig = {name: float(values[refitted.unknowns.names.index(name)]) for name in shares}
     if any(abs(np.log(rig[name] / stated[name])) > LIKELY * share for name, share in shares.items()):
         return prepared, findings
-    at = replace(task, scene=eased, prepared=list(refitted.prepared), unknowns=refitted.unknowns)
-    again = _quantified(at, at.prepared, refitted.attempt, dict(findings.left_out))
+    at = replace(task, scene=eased, logs=list(refitted.prepared), unknowns=refitted.unknowns)
+    again = _quantified(at, at.logs, refitted.attempt, dict(findings.left_out))
     if again.status is not Status.CONVERGED:
         return prepared, findings
     template = "{} {} {unit} instead of {} {unit} (usual error {:.2g} %)"
@@ -327,7 +326,7 @@ def _with_rig_estimated(task: Task, prepared: list[Prepared], findings: Findings
         for name, share in shares.items()
     )
     message = f"the rig is not exactly as stated; estimated within its usual errors it is: {words}; {again.message}"
-    return at.prepared, replace(again, message=message, causes=findings.causes, scene=eased)
+    return at.logs, replace(again, message=message, causes=findings.causes, scene=eased)
 
 
 MOST_SCATTER = 0.06  # of friction from log to log, one standard deviation: specimens that differ by more are no repeats
@@ -369,29 +368,6 @@ def _with_logs_apart(task: Task, prepared: list[Prepared], findings: Findings) -
     return random.prepared, replace(again, message=message, causes=findings.causes, scatter=random.sd)
 
 
-def _quantified(task: Task, prepared: list[Prepared], attempt: Attempt | None, left_out: dict[int, str]) -> Findings:
-    """Status, sentence, estimates and intervals of where a search ended."""
-    scene, unknowns = task.scene, task.unknowns
-    if attempt is None:
-        return Findings(*untried(prepared, left_out), unknowns, left_out=left_out)
-    if not np.all(np.isfinite(attempt.solved.theta)):
-        return Findings(*ended(attempt, {}), unknowns, attempt, left_out)
-    rig, speed_error = stated_rig(scene), scene.rig.tolerances.get("drive_speed", 0.0)
-    question = Question(unknowns, unknowns.base(rig), task.options, speed_error, task.seed, task.progress)
-    sure = certainty(attempt, question)
-    if sure is None:
-        return Findings(Status.SOLVER_FAILED, underivable(attempt), unknowns, attempt, left_out)
-    attempt, theta, bounds = sure.attempt, sure.attempt.solved.theta, dict[str, str]()
-    for at in (theta, *(trajectory.theta(theta) for trajectory in attempt.solved.trajectories)):
-        bounds = at_bounds(unknowns, at) | bounds
-    status, message = sure.refused or ended(attempt, bounds)
-    if status is Status.CONVERGED:
-        message = slides_only(attempt.fitted_logs, attempt.solved.trajectories) or message
-    accepted = attempt.fits and sure.refused is None
-    held = against_data(attempt, unknowns, rig, largest_inflation(attempt, sure.allowed.noise)) if accepted else {}
-    return Findings(status, message, unknowns, attempt, left_out, sure, held)
-
-
 def _with_trace(findings: Findings, trace: Trace, limit: float) -> Findings:
     """Findings with what was tried for them, and, in the sentence, what the time limit [s] did not suffice for."""
     message = findings.message
@@ -424,3 +400,19 @@ def _curves(prepared: list[Prepared], findings: Findings) -> tuple[LogCurves, ..
         if findings.status not in (Status.CONVERGED, Status.AT_BOUND):
             curves[number] = refused_curves(prepared[number], curves[number])
     return tuple(curves)
+
+
+def find(
+    scene: Scene,
+    records: Sequence[Record] | None = None,
+    *,
+    progress: Progress = to_nobody,
+    starts: Sources | None = None,
+    seed: int = 0,
+    asked: FitOptions = DEFAULT_OPTIONS,
+) -> tuple[list[Prepared], Findings]:
+    """The estimation of `fit` by multiple shooting, without its report; arguments and errors as there."""
+    task = _prepared(scene, records, asked, starts, seed, progress)
+    with within((1.0 - REPORT_SHARE) * task.scene.time_limit), tracing() as trace:
+        logs, findings = _estimated(task)
+    return logs, _with_trace(findings, trace, task.scene.time_limit)

@@ -200,7 +200,11 @@ def place_on(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns) ->
         if trajectory is not None:
             ends = np.append(trajectory.onset[1:], log.data.end)
             if trajectory.onset[0] > log.data.begin and np.all(ends > trajectory.arrest):
-                out.append((number, as_far_as_placed(log, trajectory), trajectory))
+                # Cut in the stick behind its last placed slip: what comes then is on no data yet.
+                sticks = trajectory.onset - np.concatenate([[log.data.begin], trajectory.arrest[:-1]])
+                typical = float(np.median(sticks[1:])) if sticks.size > 1 else float(sticks[0])
+                cut = cut_in_last_stick(log, float(trajectory.arrest[-1]), typical)
+                out.append((number, cut, trajectory))
                 continue
             log = log.as_continuous  # rests are shorter than slips are placed exactly
         # Of a programme, or of sliding: cut to what the start follows of it.
@@ -213,10 +217,3 @@ def place_on(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns) ->
             cut = replace(log, data=replace(log.data, end=min(found[1], log.data.end)))
             out.append((number, cut, found[0]))
     return out
-
-
-def as_far_as_placed(log: Prepared, trajectory: ShootingTrajectory) -> Prepared:
-    """The log of cycles cut in the stick behind its last placed slip: what comes then is on no data yet."""
-    sticks = trajectory.onset - np.concatenate([[log.data.begin], trajectory.arrest[:-1]])
-    typical = float(np.median(sticks[1:])) if sticks.size > 1 else float(sticks[0])
-    return cut_in_last_stick(log, float(trajectory.arrest[-1]), typical)

@@ -164,8 +164,7 @@ def _at(attempt: Attempt, known: Information, q: Question, profiles: Profiles | 
     solved, unknowns = attempt.solved, q.unknowns
     seen = allowed(attempt, known, q.speed_error, unknowns.values(solved.theta, q.base))
     bounds = at_bounds(unknowns, solved.theta)
-    said = hints(attempt.fitted_logs, solved.trajectories, unknowns, solved.theta)
-    texts = {name: str(hint) for name, hint in said.items()}
+    texts = hints(attempt.fitted_logs, solved.trajectories, unknowns, solved.theta)
     ends = {} if profiles is None else {name: (low.end, high.end) for name, (low, high) in profiles.ends.items()}
     found = estimates(unknowns, solved.theta, q.base, seen.covariance, at_bound=bounds, hints=texts, profiles=ends)
     return Certainty(attempt, known, seen, not_determined(found, solved.trajectories, texts), bounds, texts)

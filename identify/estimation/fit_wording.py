@@ -4,7 +4,6 @@ determine and which test would."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -172,20 +171,9 @@ def slides_only(logs: Sequence[Prepared], trajectories: Sequence[ShootingTraject
 # ----------------------------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Hint:
-    """What stands beside a verdict other than identified: what the logs show, and what to do ("": as it says)."""
-
-    shown: str
-    remedy: str
-
-    def __str__(self) -> str:
-        return f"{self.shown}: {self.remedy}" if self.remedy else self.shown
-
-
 def hints(
     logs: Sequence[Prepared], trajectories: Sequence[ShootingTrajectory], unknowns: Unknowns, theta: Array
-) -> dict[str, Hint]:
+) -> dict[str, str]:
     """Per parameter, what stands beside a verdict other than identified.
 
     Args:
@@ -199,22 +187,23 @@ def hints(
     speeds = sorted({log.data.drive_speed for log, _ in slipping})
     if samples < RESOLVED:
         remedy = f"sample at {round_up(WANTED / min(slips)):.0f} Hz or more, or add a log that slips for longer"
-        shape = Hint(f"slips have at most {samples:.0f} samples, so their shape is not resolved", remedy)
+        shape = f"slips have at most {samples:.0f} samples, so their shape is not resolved: {remedy}"
     elif len(speeds) == 1:
         remedy = f"add a log at {1e3 * 10 * speeds[0]:.2g} mm/s or more, with {WANTED} samples per slip"
-        shape = Hint(f"one drive speed ({1e3 * speeds[0]:.3g} mm/s) shows one kind of slip", remedy)
+        shape = f"one drive speed ({1e3 * speeds[0]:.3g} mm/s) shows one kind of slip: {remedy}"
     else:
-        shape = Hint(f"the slips of these {len(speeds)} speeds are too alike", "add a faster log, or more cycles")
+        shape = f"the slips of these {len(speeds)} speeds are too alike: add a faster log, or more cycles"
     out = dict.fromkeys(("a", "delta_mu_k", "D", "mu_k0", "mass", "damping"), shape)
     if "t_cr" in unknowns.names:
         sticks, t_cr = np.concatenate([g.sticks for _, g in slipping]), np.exp(theta[unknowns.names.index("t_cr")])
-        rests = Hint("sticks of different length are needed", "add a slower and a faster log")
+        rests = "sticks of different length are needed: add a slower and a faster log"
         if sticks.size and np.min(sticks) > 3 * t_cr:
-            shown = f"every stick lasts {np.min(sticks):.2g} s or more, long enough to saturate the contact"
-            rests = Hint(shown, "add a faster log, with sticks of a few tenths of that")
+            rests = (
+                f"every stick lasts {np.min(sticks):.2g} s or more, long enough to saturate the contact: add a faster "
+                "log, with sticks of a few tenths of that"
+            )
         elif sticks.size and np.max(sticks) < t_cr:
-            shown = f"the longest stick is {np.max(sticks):.2g} s, too short to saturate the contact"
-            rests = Hint(shown, "add a slower log")
+            rests = f"the longest stick is {np.max(sticks):.2g} s, too short to saturate the contact: add a slower log"
         out |= dict.fromkeys(("t_cr", "mu_s"), rests)
     return out
 
@@ -238,18 +227,18 @@ def not_determined(
     ]
 
 
-def _without_cycles(logs: Sequence[Prepared], trajectories: Sequence[ShootingTrajectory]) -> dict[str, Hint]:
+def _without_cycles(logs: Sequence[Prepared], trajectories: Sequence[ShootingTrajectory]) -> dict[str, str]:
     """Of logs that slide, or stick once: what they hold, and what would tell more."""
     sticks, slower = onsets(trajectories), f"add a log that sticks and slips: {SLOWER}"
     last = [log.data.speed_at(log.data.end) for log in logs]
     words = listed([speed_text(speed, 3) for speed in sorted({speed for speed in last if speed} or set(last))])
     level = f"a log that slides determines the friction level at its speed ({words}) and no more"
-    out = dict.fromkeys(("mu_k0", "delta_mu_k", "a"), Hint(level, f"{slower}, and logs that slide at other speeds"))
-    out |= dict.fromkeys(("mu_s", "t_cr", "D"), Hint(level, slower))
+    out = dict.fromkeys(("mu_k0", "delta_mu_k", "a"), f"{level}: {slower}, and logs that slide at other speeds")
+    out |= dict.fromkeys(("mu_s", "t_cr", "D"), f"{level}: {slower}")
     if sticks:
         peaks = "one stick shows" if sticks == 1 else f"{sticks} sticks show"
-        hold = Hint(f"{peaks} the strength after those rests", "add holds that last a tenth and ten times as long")
-        out |= {"mu_s": hold, "t_cr": hold, "D": Hint("the peaks have too few samples", f"sample faster, or {slower}")}
+        hold = f"{peaks} the strength after those rests: add holds that last a tenth and ten times as long"
+        out |= {"mu_s": hold, "t_cr": hold, "D": f"the peaks have too few samples: sample faster, or {slower}"}
     return out
 
 

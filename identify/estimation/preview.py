@@ -10,15 +10,13 @@ from numpy.typing import NDArray
 
 from data_io import Record
 from identify.base.errors import FitError
-from identify.estimation.attempt import as_far_as_placed
+from identify.estimation.attempt import place_on
 from identify.estimation.fit_wording import prefit_warnings, wrong_unit
 from identify.estimation.starts import features_of, starts_of
-from identify.logs.prepare import Prepared
 from identify.logs.scene_records import prepare_scene
-from identify.logs.unknowns import Unknowns, user_start
+from identify.logs.unknowns import user_start
 from identify.scene import Scene
 from identify.shooting.layout import COARSE_GRID
-from identify.shooting.placing import place
 from identify.shooting.shooting import shooting_problem
 
 Array = NDArray[np.float64]
@@ -69,26 +67,20 @@ def preview(scene: Scene, records: Sequence[Record]) -> Preview:
         source = "the start values of the scene"
     elif features_of(able)[0]:
         theta, source = next(starts_of(able, unknowns)), "the mean cycle of each log"
-    logs = [_previewed(log, unknowns, theta) for log in prepared]
-    values = dict(zip(unknowns.names, unknowns.values(theta, prepared[0].data.base).tolist(), strict=True))
-    units = {q.name: q.unit for q in unknowns.model.parameters}
-    return Preview(source, values, units, logs, prefit_warnings(prepared))
-
-
-def _previewed(log: Prepared, unknowns: Unknowns, theta: Array) -> PreviewLog:
-    cycles, record = log.segmentation.cycles, log.record
-    trajectory, text = np.full(record.time.size, np.nan), log.left_out or ""
-    if log.left_out is None:
-        p = unknowns.values(log.data.theta(theta), log.data.base)
-        placed = place(unknowns.model, [log.data], [p], [log.falls], COARSE_GRID)[0]
-        text = "with these values the model does not stick and slip here"
-        if placed is not None:
-            at_start = replace(unknowns.with_weak_priors(), start=placed.theta(theta))
-            problem = shooting_problem([as_far_as_placed(log, placed).data], [placed], at_start, COARSE_GRID)
+    logs, at_start = [], replace(unknowns, start=theta)
+    for log in prepared:
+        cycles, trajectory = log.segmentation.cycles, np.full(log.record.time.size, np.nan)
+        text = log.left_out or "with these values the model does not move like this"
+        for _, cut, motion in [] if log.left_out else place_on([log], [0], at_start):
+            own = replace(unknowns.with_weak_priors(), start=motion.theta(theta))
+            problem = shooting_problem([cut.data], [motion], own, COARSE_GRID)
             trajectory = problem.fitted(problem.start)[0]
             inside = np.isfinite(trajectory) & log.used
             off = float(np.sqrt(np.mean((trajectory - log.force)[inside] ** 2))) if np.any(inside) else float("nan")
             text = f"the start is off by {1e3 * off:.3g} mN (rms); the noise is {1e3 * log.data.noise:.3g} mN"
-    text = f"{cycles.count} cycles found" + (f"; {text}" if text else "")
-    curves = (record.time, log.force, log.used, trajectory)
-    return PreviewLog(log.name, log.data.drive_speed, *curves, cycles.onset, cycles.arrest, text)
+        curves, ends = (log.record.time, log.force, log.used, trajectory), (cycles.onset, cycles.arrest)
+        text = f"{cycles.count} cycles found; {text}"
+        logs.append(PreviewLog(log.name, log.data.drive_speed, *curves, *ends, text))
+    values = dict(zip(unknowns.names, unknowns.values(theta, prepared[0].data.base).tolist(), strict=True))
+    units = {q.name: q.unit for q in unknowns.model.parameters}
+    return Preview(source, values, units, logs, prefit_warnings(prepared))

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.errors import SimulationError
-from identify.effects import ALL
-from identify.model.model import BASE_STATES, ELONGATION, SPEED, Model
+from identify.model.model import ELONGATION, SPEED, Model
 from identify.simulation.sliding import linearised
 from identify.simulation.steppers import HIGH, STIFF, Method
 
@@ -20,20 +19,16 @@ from identify.simulation.steppers import HIGH, STIFF, Method
 
 Array = NDArray[np.float64]
 
-ROUNDING = 1e-9  # by which a state may start outside its bounds
-LARGE = 1e100
 
-
-def admit(model: Model, values: Mapping[str, float], duration: float, start: Mapping[str, float]) -> None:
+def admit(model: Model, values: Mapping[str, float], duration: float) -> None:
     """Let pass what can be simulated.
 
     Args:
-        values: parameters by name, SI. duration: [s]. start: initial states by name.
+        values: parameters by name, SI. duration: [s].
 
     Raises:
         SimulationError: a parameter that is missing, not finite or has a sign that it cannot have; a duration that is
-            not positive and finite, or so long that a vibration has no phase any more; a state that nobody knows, that
-            is not finite or that lies outside its bounds.
+            not positive and finite, or so long that a vibration has no phase any more.
     """
     if not 0.0 < duration < np.inf:
         raise SimulationError(f"the duration is {duration} s; expected a positive time")
@@ -52,18 +47,6 @@ def admit(model: Model, values: Mapping[str, float], duration: float, start: Map
             f"the drive vibrates {duration / period:.1g} times within {duration:g} s: no digits are "
             "left of the phase of the vibration; shorten the record, or leave out that vibration"
         )
-    states = {s.name: s for s in model.states}
-    known = {s.name for s in BASE_STATES} | {s.name for effect in ALL for s in effect.states} | set(states)
-    for name, value in start.items():
-        if name not in known:
-            raise SimulationError(
-                f"the motion is to start with {name!r}, which is no state; states are {sorted(known)}"
-            )
-        state = states.get(name)
-        low = -LARGE if state is None or state.lower is None else state.lower - ROUNDING
-        high = LARGE if state is None or state.upper is None else state.upper + ROUNDING
-        if not low <= value <= high:
-            raise SimulationError(f"{name} starts at {value:g}; expected a number from {low:.3g} to {high:.3g}")
 
 
 # ----------------------------------------------------------------------------------------------------------------------

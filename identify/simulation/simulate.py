@@ -79,7 +79,7 @@ def run(
             "the effect inertia is off: without a mass the duration of a slip is undefined; add inertia to effects and "
             "give the mass under [rig]"
         )
-    admit(model, values, duration, start or {})
+    admit(model, values, duration)
     stepping = accuracy if isinstance(accuracy, Stepping) else Stepping(accuracy / SAFETY)
     accuracy = ACCURACY if isinstance(accuracy, Stepping) else accuracy
     if not 0.0 < accuracy < 1.0:
@@ -107,7 +107,6 @@ def simulate(
     normal_force: float | str | NormalForce | tuple[ArrayLike, ArrayLike] | None = None,
     accuracy: float | None = None,
     noise: float | str | None = None,
-    rtol: float | None = None,
 ) -> Trajectory:
     """Simulate a scene for `duration` [s] with its `fixed`, else `start`, else documented default values.
 
@@ -148,7 +147,7 @@ def simulate(
         accuracy = accuracy_for(
             scene.rig.noise if noise is None else noise, max(values["mu_s"], values["mu_k0"]) * max(load.values)
         )
-    return run(model, values, programme, load, duration, start=start, accuracy=Stepping(rtol) if rtol else accuracy)
+    return run(model, values, programme, load, duration, start=start, accuracy=accuracy)
 
 
 # ----------------------------------------------------------------------------------------------------------------------

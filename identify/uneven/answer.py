@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from identify.base.outcome import Status
 from identify.base.quantiles import LEVEL, NORMAL, chi_square
 from identify.effects import ALL
-from identify.estimation.covariance import Estimate
+from identify.estimation.covariance import WEAK, Estimate, verdict_of
 from identify.estimation.estimator import Estimated, EstimationTask, in_time, no_time_for
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
@@ -38,7 +38,6 @@ Array = NDArray[np.float64]
 
 SCALES = ("strength", "strength_scatter", "weakening_length", "level_wander", "level_roughness")  # pooled as logarithms
 FEWEST = 12  # cycles of a log for an estimate of scatter and wander
-IDENTIFIED, WEAK = 1.2, 3.0  # factors within which both ends of an interval lie
 CREEP_REACH = 3.0  # logarithm of creep time over typical rest, or its inverse, beyond which none is looked for
 AT_RESTS = 25  # places of the curve of strength against rest
 USED = {  # effects that are followed
@@ -154,12 +153,18 @@ def described(
         begin = Begin(logs[0].cycles.level_after, records[0].arrest, np.min(records[0].drop), records[0].usual_rest)
         each = drawn_distributions(records[0].rig, begin, maximum.theta, maximum.covariance, task.seed)
         distributions = {distribution.name: distribution.to_dict() for distribution in each}
+    tables = []
+    for log in logs:
+        sticks = log.sticks
+        columns = {"cycle": sticks.number, "onset_s": sticks.anchor, "rest_s": sticks.rest, "onset": sticks.line}
+        columns |= {"drop": sticks.drop, "strength": np.exp(log.cycles.log_strength), "level": log.cycles.level}
+        tables.append({"log": log.number + 1, **{name: values.tolist() for name, values in columns.items()}})
     more = {
         "distributions": distributions,
         "strength_against_rest": strength_against_rest(maximum, records) if drawn else none,
         "log_likelihood": maximum.log_likelihood,
         "starts": [value if np.isfinite(value) else None for value in maximum.starts],
-        "uneven_cycles": [_cycle_table(log) for log in logs],
+        "uneven_cycles": tables,
     }
     effects, speed_laws = task.unknowns.model.effects, {effect.name for effect in ALL if effect.role == "velocity law"}
     laws = [name for name in effects if name in speed_laws and name not in USED]
@@ -236,13 +241,12 @@ def _without(name: str, unit: str, reason: str) -> Estimate:
 def _estimate(name: str, unit: str, value: float, ends: tuple[float, float], sd: float, rest: float) -> Estimate:
     """One quantity with the verdict that its interval earns; sd of its logarithm, typical rest [s]."""
     low, high = ends
-    widest = max(high / value, value / low)
-    if widest <= WEAK:
-        verdict = "identified" if widest <= IDENTIFIED else "weak"
+    verdict = verdict_of(value, low, high, value, logarithmic=True)
+    if verdict != "not identifiable":
         return Estimate(name, unit, value, value * sd, low, high, verdict, wording.reason(name, verdict, rest))
     if name in MAY_BE_ZERO:
         return Estimate(name, unit, None, None, None, high, "bounded", wording.reason(name, "bounded", rest))
-    return _without(name, unit, wording.reason(name, "not identifiable", rest))
+    return _without(name, unit, wording.reason(name, verdict, rest))
 
 
 def _of_a_uniform_pair(unknowns: Unknowns, creep: Estimate) -> list[Estimate]:
@@ -307,18 +311,3 @@ def strength_against_rest(maximum: Maximum, records: Sequence[Sticks]) -> dict[s
     off = maximum.quantile * np.sqrt(np.einsum("ia,ij,ja->a", slopes, maximum.covariance, slopes))
     curves = {"strength": np.exp(middle), "lower": np.exp(middle - off), "upper": np.exp(middle + off)}
     return {"rest_s": at.tolist(), **{name: values.tolist() for name, values in curves.items()}}
-
-
-def _cycle_table(log: UnevenLog) -> dict[str, object]:
-    """What is known of every cycle of a log."""
-    sticks, cycles = log.sticks, log.cycles
-    columns = {
-        "cycle": sticks.number,
-        "onset_s": sticks.anchor,
-        "rest_s": sticks.rest,
-        "onset": sticks.line,
-        "drop": sticks.drop,
-        "strength": np.exp(cycles.log_strength),
-        "level": cycles.level,
-    }
-    return {"log": log.number + 1, **{name: values.tolist() for name, values in columns.items()}}

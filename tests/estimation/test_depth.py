@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import json
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from identify import Asked, examples, fit
 from identify.cli import main as cli
+from identify.estimation.covariance import information_at
+from identify.estimation.profile import converged
 from identify.scene import Scene
-from identify.shooting.accuracy import COARSE, DEFAULT, TIGHT
+from identify.shooting.accuracy import COARSE, DEFAULT, TIGHT, accuracy_costs
 from tests.support.document_check import check_document
+from tests.support.two_logs import scene as two_logs
+from tests.support.two_logs import searched
 
 LOGS = ["1_mm_per_s.txt.gz", "0.1_mm_per_s.txt.gz"]
 
@@ -41,26 +46,17 @@ def test_profile_intervals_agree_with_the_covariance_where_the_data_tell_much():
         assert curve["interval"] == pytest.approx(ends, abs=0.05 * half)
 
 
-@pytest.mark.usefixtures("no_predictions")
-def test_accuracy_table_foretells_what_steps_of_a_level_leave():
-    """Of a coarse fit: the errors that it is said to have are its distance from the answer with many steps."""
-    coarse, tight = (asked_for(accuracy=level, accuracy_table=True) for level in (COARSE, TIGHT))
-    rows = coarse["accuracy_table"]
-    assert [row["accuracy"] for row in rows] == ["coarse", "default", "tight"]
-    assert rows[0]["steps"] <= rows[1]["steps"] <= rows[2]["steps"]
-    assert 0 < rows[0]["seconds"] <= rows[1]["seconds"] <= rows[2]["seconds"]
-    left = [max(abs(e) for e in row["left_in_standard_errors"].values()) for row in rows]
+def test_what_the_steps_of_a_level_leave_is_foretold():
+    """Of an answer with two steps per interval: the error that it is said to have is its distance from that of 24."""
+    attempt, unknowns = searched(two_logs())
+    size = np.sqrt(np.diag(information_at(attempt.solved, unknowns).covariance()))
+    few, many = (converged(attempt.solved, attempt.solved.problem.with_steps(n), size, np.inf) for n in (2, 24))
+    costs = accuracy_costs(few, size, COARSE, 2)
+    assert [cost.level for cost in costs] == ["coarse", "default", "tight"] and costs[0].seconds == 0.0
+    assert all(a.steps <= b.steps and a.seconds <= b.seconds for a, b in pairwise(costs)) and costs[0].steps == 2
+    left = [float(np.max(np.abs(cost.errors))) for cost in costs]
     assert left[0] >= left[2] and left[1] <= DEFAULT.share and left[2] <= TIGHT.share
-    levels = coarse["accuracy"]["levels"]
-    assert [level["estimated"] for level in levels] == [False, True, True]
-    assert [level["error_in_standard_errors"] for level in levels] == pytest.approx(left)
-    reached = next(level for level in tight["accuracy"]["levels"] if not level["estimated"])
-    assert reached["steps"] == rows[2]["steps"], "the steps that a level is said to need are those it takes"
-    for name, error in rows[0]["left_in_standard_errors"].items():
-        before, after = (document["parameters"][name] for document in (coarse, tight))
-        ends = np.array([before["value"], after["value"], *before.get("interval_rig_exact", before["interval"])])
-        first, last, low, high = np.log(ends) if name in ("a", "D", "t_cr") else ends
-        assert 3.92 * (first - last) / (high - low) == pytest.approx(error, abs=0.2 * left[0] + left[2])
+    np.testing.assert_allclose((few.theta - many.theta)[unknowns.free] / size, costs[0].errors, atol=0.2 * left[0])
 
 
 def test_a_preview_draws_and_stops(tmp_path, monkeypatch, capsys):

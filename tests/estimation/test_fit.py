@@ -12,7 +12,7 @@ import pytest
 
 from data_io import Record
 from experiments.study_problem import DEMO, NOISE, RIG, SPEEDS, simulated_case
-from identify import Scene, fit
+from identify import FitOptions, Scene, fit
 from identify.base.outcome import Status
 from identify.effects import MAIN
 from identify.estimation.search import SearchProblem, search
@@ -26,7 +26,7 @@ MIDDLE = (2, 3)  # the logs at 1 and 5 mm/s of the study's problem: soon fitted
 
 @pytest.fixture(scope="module")
 def demo():
-    return fit(Scene.from_toml(FOLDER / "pair.toml"))
+    return fit(Scene.from_toml(FOLDER / "pair.toml"), asked=FitOptions(accuracy_table=True))
 
 
 @pytest.fixture(scope="module")
@@ -61,6 +61,9 @@ def test_the_example_pair_is_found(demo):
     assert v_cr["interval"][0] < truth["D"] / truth["t_cr"] < v_cr["interval"][1]
     assert [log["friction_sign"] for log in document["logs"]] == [1, 1, 1, -1]
     assert {"mass", "stiffness", "damping"} <= document["rig_sensitivity"].keys()
+    for row, level in zip(document["accuracy_table"], document["accuracy"]["levels"], strict=True):
+        worst = max(map(abs, row["left_in_standard_errors"].values()))
+        assert (row["accuracy"], worst) == (level["accuracy"], level["error_in_standard_errors"])
 
 
 def test_curves_of_a_fit(demo):

@@ -26,16 +26,9 @@ NAN = math.nan
         (Scene({"t_cr": 0.0}, 1e-3, 1.0), "t_cr is 0 s; expected a positive number"),
         (Scene({"damping": -1.0}, 1e-3, 1.0), "damping is -1 N/m; expected a number from 0 on"),
         (Scene({"delta_mu_k": NAN}, 1e-3, 1.0), "delta_mu_k is nan; expected a finite number"),
-        (Scene({}, 1e-3, 1.0, start={"gamma": 1.5}), "gamma starts at 1.5; expected a number from"),
-        (Scene({}, 1e-3, 1.0, start={"gama": 0.5}), "'gama', which is no state"),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
 def test_what_makes_no_sense_is_refused_by_name(scene: Scene, sentence: str) -> None:
     with pytest.raises(SimulationError, match=sentence):
         scene.run()
-
-
-def test_the_edges_of_the_admissible_run() -> None:
-    for start in ({"gamma": 0.0}, {"gamma": 1.0}, {"gamma": 1.0 + 1e-12}):
-        assert Scene({"damping": 0.0}, 1e-3, 0.6, start=start).run().onsets.size >= 1
