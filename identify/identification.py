@@ -247,11 +247,11 @@ def _estimated(task: Task) -> tuple[list[Prepared], Findings]:
     for explained in (partial(takes_misfit, unknowns=unknowns), SearchProblem.explained):
         with within(SEARCH_SHARE * seconds_left()):
             problem = SearchProblem(
-                task.prepared, unknowns, task.starts, task.seed, True, explained, task.known, task.progress
+                task.logs, unknowns, task.starts, task.seed, True, explained, task.known, task.progress
             )
             attempt, left_out = search(problem)
         if attempt is not None:
-            prepared = with_strengths(task.prepared, attempt.fitted_logs[0].data.strength_sd)
+            prepared = with_strengths(task.logs, attempt.fitted_logs[0].data.strength_sd)
         with stage("intervals"):
             task.progress("intervals", 0.9)
             findings = _quantified(task, prepared, attempt, left_out)
