@@ -329,33 +329,6 @@ def hdf5() -> Iterator[Hostile]:
     yield Hostile("HDF5, a matrix promised", "log.h5", partial(_h5, shape), named)
 
 
-def options() -> Iterator[Hostile]:
-    """Options of the command line with a good log."""
-    given = {
-        "--units": [f"friction_force={unit}" for unit in BOMBS.values()],
-        "--normal-force": ["1 N*9^9^9", "7" * 10_000 + " N", "1e999999999 N", "0x" + "f" * 10_000],
-        "--window": ["0,1 s^9^9^9", "0," + "9" * 10_000, "0,1" + " " * 50_000 + "s"],
-        "--stiffness": ["9 N/m^9^9^9", "1e400 N/m"],
-        "--drive-speed": ["1 mm/s*9^9^9"],
-        "--columns": [f"friction_force={'9' * 10_000}"],
-        "--step": ["9" * 4000],
-    }
-    for option, values in given.items():
-        for number, value in enumerate(values, 1):
-            command = ("inspect", "{file}", option, value)
-            yield Hostile(f"{option}, {number}", "comma.csv", lambda: GOOD, command, sound=" " * 99 in value)
-    asked = (
-        ["1e308", "--rate", "1e308"],
-        ["1e308", "--rate", "1e-308"],
-        ["1", "--rate", "100", "--noise", "1e308"],
-        ["1", "--rate", "100", "--seed", "9" * 4000],
-        ["1 s^9^9^9", "--rate", "100"],
-    )
-    for number, words in enumerate(asked, 1):
-        command = ("simulate", "--scene", "{file}", "--out", "{out}.csv", "--duration", *words)
-        yield Hostile(f"simulate, {number}", "scene.toml", SCENE.encode, command, sound="--seed" in words)
-
-
 def scenes() -> Iterator[Hostile]:
     """Scenes with numbers beyond all measure; `fit` reads them before any log."""
     values = {
@@ -460,26 +433,7 @@ def files() -> Iterator[Hostile]:
         yield Hostile(f"{name}, as a pattern", "comma.csv", lambda: GOOD, ("inspect", pattern))
 
 
-OF_A_LOG = (
-    ("scene", "{file}", "--out", "{out}.toml"),
-    ("convert", "{file}", "--out", "{out}.h5"),
-    ("rig", "{file}", "--out", "{out}.toml"),
-    ("fit", "{file}", "--scene", "{scene}", "--out", "{out}"),
-)
-OF_A_SCENE = (
-    ("fit", "log.csv", "--scene", "{file}", "--out", "{out}"),
-    ("stability", "--scene", "{file}"),
-    ("amplitude", "--scene", "{file}"),
-    ("plan", "{file}"),
-    ("batch", "all.csv", "--scene", "{file}", "--out", "{out}"),
-)
-OF_A_RESULT = (
-    ("verify", "{file}"),
-    ("compare", ".", "--by", "material", "--out", "{out}"),
-    ("stability", "--result", "{file}"),
-    ("amplitude", "--result", "{file}"),
-    ("plan", "{file}"),
-)
+OTHERS = {"log": ("scene", "convert", "rig", "fit"), "scene": ("fit", "stability", "amplitude", "plan", "batch")}
 WHOLE = {  # commands that end well, to which one option is added
     "fit": ("log.csv", "--scene", "{scene}", "--out", "{out}"),
     "verify": ("{file}",),
@@ -494,7 +448,17 @@ WHOLE = {  # commands that end well, to which one option is added
     "stability": ("--scene", "{scene}"),
     "amplitude": ("--scene", "{scene}"),
 }
-JUNK = ("", "x", "1e308", "-1", "nan", "0", "9" * 4000, "1 s^9^9^9", "a=b,c=d", "/proc/self/mem", ".", "rig=[1")
+OF_A_LOG = [(name, *(word.replace("log.csv", "{file}") for word in WHOLE[name])) for name in OTHERS["log"]]
+OF_A_SCENE = [(name, *(word.replace("{scene}", "{file}") for word in WHOLE[name])) for name in OTHERS["scene"]]
+OF_A_RESULT = [
+    *((name, *WHOLE[name]) for name in ("verify", "compare")),
+    *((name, "--result", "{file}") for name in ("stability", "amplitude")),
+    ("plan", "{file}"),
+]
+JUNK = (  # of options
+    *("", "x", "1e308", "-1", "nan", "0", "9" * 4000, "1 s^9^9^9", "a=b,c=d", "/proc/self/mem", ".", "rig=[1"),
+    *("friction_force=N*9^9^9", "0x" + "f" * 10_000, "1e999999999 N", "0,1" + " " * 50_000 + "s", "1e400 N/m"),
+)
 BESIDE = {"log.csv": GOOD, "all.csv": b"path,group,drive_speed\nlog.csv,g,0.2 mm/s\n"}
 
 
@@ -561,7 +525,7 @@ def words() -> Iterator[Hostile]:
             yield Hostile(f"{name} {option}, word {number}", "x", lambda: b"", command, True, BESIDE)
 
 
-KINDS = (texts, patterns, packed, matlab, workbooks, hdf5, options, scenes, manifests, files)
+KINDS = (texts, patterns, packed, matlab, workbooks, hdf5, scenes, manifests, files)
 
 
 def own_inputs() -> Iterator[Hostile]:

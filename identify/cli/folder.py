@@ -65,7 +65,11 @@ def result_folder(out: Path, names: tuple[str, ...] = RESULT) -> Iterator[Path]:
     with unfinished(temporary):
         fresh, aside = temporary / "fresh", temporary / "before"
         fresh.mkdir()
-        yield fresh
+        try:
+            yield fresh
+        except OSError as error:  # a full disk: named is what was to be written, not the temporary folder
+            error.filename = error.filename and str(error.filename).replace(str(fresh), str(out), 1)
+            raise
         check_interrupted()
         if (out.stat().st_ino if out.exists() else None) != before:
             free = next(f for i in itertools.count(2) if not (f := out.with_name(f"{out.name}-{i}")).exists())
