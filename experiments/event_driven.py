@@ -1,4 +1,4 @@
-"""The usual way to the same motion, to compare with: an event-driven simulation by solve_ivp.
+"""The usual way to the same motion and answer, to compare with: least squares on an event-driven simulation.
 
 Written for speed within that way: sticks in closed form, slips by DOP853 at rtol 1e-8 in local time from onset
 to arrest, dense output only at the samples. Shares no line with the package.
@@ -7,17 +7,20 @@ to arrest, dense output only at the samples. Shares no line with the package.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
+from scipy.optimize import OptimizeResult, least_squares
 
 Array = NDArray[np.float64]
 State = tuple[float, float, float]  # elongation [m], sliding speed [m/s], gamma
 
 RTOL, ATOL = 1e-8, (1e-13, 1e-11, 1e-10)
+DIFF_STEP = 1e-6  # relative: well above the error of the simulation, well below a sample
+NAMES = ("mu_s", "mu_k0", "delta_mu_k", "a", "D", "t_cr")
 
 
 @dataclass(frozen=True)
@@ -120,3 +123,20 @@ def _slide(
     x, v, g = run.y[:, -1].tolist()
     rested = run.t_events[0].size > 0
     return (x, 0.0 if rested else v, 0.0 if worn else max(g, 0.0)), float(run.t[-1]), run.sol
+
+
+def fit_by_least_squares(
+    truth: Mapping[str, float], logs: Sequence[tuple[Series, Array, float]], most: int | None = None
+) -> OptimizeResult:
+    """Fit the six friction parameters, started at the truth; settings are scipy's but for the difference step.
+
+    Args:
+        logs: each with its force (n,) [N] and noise [N].
+        most: give up after so many evaluations (None: scipy's own limit).
+    """
+
+    def residuals(ratio: Array) -> Array:
+        p = dict(truth) | {name: truth[name] * float(r) for name, r in zip(NAMES, ratio, strict=True)}
+        return np.concatenate([(simulate(p, log)[0] - force) / noise for log, force, noise in logs])
+
+    return least_squares(residuals, np.ones(6), diff_step=DIFF_STEP, x_scale=1.0, max_nfev=most)
