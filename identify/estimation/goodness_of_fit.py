@@ -19,7 +19,7 @@ from data_io.arrays import thinned
 from identify.base.outcome import Status
 from identify.base.quantiles import normal, student
 from identify.base.wording import START_VALUES, three_figures
-from identify.estimation.residual_autocorrelation import CLOSE, MORE, autocorrelation_test
+from identify.estimation.residual_autocorrelation import innovations, repeats, slides
 from identify.logs.log_data import LogData
 from identify.logs.regime import Known, hidden_rhythm
 from identify.logs.unknowns import Unknowns
@@ -87,35 +87,35 @@ def pass_gate(solved: Solved, names: Sequence[str], noise_estimated: Sequence[bo
         names: of the logs, for the message; noise_estimated: per log, whether its noise is from the data.
     """
     squares, counts, log, cycle = _per_cycle(solved)
-    samples, estimated = max(float(counts.sum()), 1.0), np.array(noise_estimated, dtype=float)
-    # chi^2 scales with the inverse square of the noise: an estimated noise widens what is credible.
-    slack = 2.0 * NOISE_ERROR * estimated
-    by_log = np.bincount(log, weights=counts, minlength=len(names))
-    level = np.bincount(log, weights=squares, minlength=len(names)) / np.maximum(by_log, 1.0)
-    spread = np.sqrt(2.0 * np.maximum(counts, 1.0) + (slack[log] * counts) ** 2)
-    # Slips that hardly show are taken for noise while it is measured: a curve that follows them leaves less.
-    quiet = np.where(estimated > 0.0, np.clip(level, QUIETEST, 1.0), 1.0)
-    z = (squares - quiet[log] * counts) / (quiet[log] * spread)
-    total, cycles = float(squares.sum()), [(names[i], n + 1) for i, n in zip(log.tolist(), cycle.tolist(), strict=True)]
-    allowed = OVERALL * np.sqrt(2.0 / samples) + float(slack @ by_log) / samples
-    status, message = _chi_square(solved, total / max(float(quiet[log] @ counts), 1.0), allowed, z, cycles)
-    chi2, levels = total / samples, np.ones(len(names))
+    chi2, levels = float(squares.sum()) / max(float(counts.sum()), 1.0), np.ones(len(names))
+    estimated = np.array(noise_estimated, dtype=bool)
+    cycles = [(names[i], n + 1) for i, n in zip(log.tolist(), cycle.tolist(), strict=True)]
+    level, z, total, allowed = _standardised(squares, counts, log, estimated)
+    status, message = _chi_square(solved, total, allowed, z, cycles)
     sound = solved.solution.success and solved.event_shift < SETTLED
-    if status in (Status.MODEL_MISFIT, Status.WRONG_EVENT_COUNT) and chi2 < 1.0 + MORE and sound:
-        known = autocorrelation_test(solved, noise_estimated, level)
-        if known is not None:
-            of_cycle = known.levels[log]
-            wider = (squares - of_cycle * counts) / (known.spread_inflation[log] * of_cycle * spread)
-            left = abs(total / max(float(of_cycle @ counts), 1.0) - 1.0)
-            if left <= allowed and float(np.max(np.abs(wider))) <= PER_CYCLE:
-                levels, z, status = known.levels, wider, Status.CONVERGED
-                apart = ", which have nothing in common" if np.max(levels) > 1.0 + CLOSE else ""
-                message = (
-                    f"the misfit is autocorrelated noise ({chi2:.3f} of the variance measured in the sticks) in all "
-                    f"{z.size} cycles{apart}"
-                )
+    if status in (Status.MODEL_MISFIT, Status.WRONG_EVENT_COUNT) and sound:
+        # Squares and samples, of what slips and what does not, of each cycle.
+        white, halves = list[Array](), np.zeros((2, 2 * log.size))
+        for number, (data, trajectory) in enumerate(zip(solved.problem.logs, solved.trajectories, strict=True)):
+            residual = np.where(data.weight > 0, data.force - solved.fitted[number], np.nan)
+            new = innovations(data, trajectory, residual) if estimated[number] and trajectory.cycles > 1 else None
+            white.append(residual / data.noise if new is None else new)
+            known = np.isfinite(white[-1])
+            part = np.searchsorted(trajectory.until[np.flatnonzero(np.diff(trajectory.part))], data.time[known])
+            cell = log.size * slides(data, trajectory)[known] + np.flatnonzero(log == number)[part]
+            halves[0] += np.bincount(cell, white[-1][known] ** 2, 2 * log.size)
+            halves[1] += np.bincount(cell, minlength=2 * log.size)
+        _, each, total, allowed = _standardised(halves[0], halves[1], np.tile(log, 2), estimated)
+        fits = _chi_square(solved, total, allowed, each, 2 * cycles)[0] is Status.CONVERGED
+        if fits and not repeats(solved, white):
+            status, levels = Status.CONVERGED, np.where(estimated, np.maximum(level, 1.0), 1.0)
+            squares, counts = halves.reshape(2, 2, -1).sum(axis=1)
+            z = _standardised(squares, counts, log, estimated)[1]
+            measured = f"{chi2:.3f} of the variance measured in the sticks"
+            message = f"the misfit is autocorrelated noise ({measured}) in all {z.size} cycles"
     if status is Status.CONVERGED:
-        variance = "its variance" if np.min(quiet) > 1.0 - 4.0 * NOISE_ERROR else "the variance measured in the sticks"
+        quiet = np.min(level[estimated], initial=1.0) < 1.0 - 4.0 * NOISE_ERROR
+        variance = "the variance measured in the sticks" if quiet else "its variance"
         message = message or f"the misfit is noise ({chi2:.3f} of {variance}) in all {z.size} cycles"
         unknowns = solved.problem.layout.unknowns
         refused = (test(solved, names) for test in (_windows, _swings, _load_pulls, odd_stick))
@@ -127,6 +127,23 @@ def pass_gate(solved: Solved, names: Sequence[str], noise_estimated: Sequence[bo
             message += f"; strength (mu_s - mu_k0) differs from stick to stick by {three_figures(100.0 * scatter)} %"
     ended = solved.solution.return_status, solved.event_shift
     return Gate(chi2, z, log + 1, cycle + 1, *ended, status, message, levels)
+
+
+def _standardised(
+    squares: Array, counts: Array, log: Indices, estimated: NDArray[np.bool_]
+) -> tuple[Array, Array, float, float]:
+    """Variance that each log leaves, standardised misfit of cycles, chi^2 over what is expected, its tolerance."""
+    # chi^2 scales with the inverse square of the noise: an estimated noise widens what is credible.
+    slack = 2.0 * NOISE_ERROR * estimated
+    by_log = np.bincount(log, weights=counts, minlength=estimated.size)
+    level = np.bincount(log, weights=squares, minlength=estimated.size) / np.maximum(by_log, 1.0)
+    spread = np.sqrt(2.0 * np.maximum(counts, 1.0) + (slack[log] * counts) ** 2)
+    # Slips that hardly show are taken for noise while it is measured: a curve that follows them leaves less.
+    expected = np.where(estimated, np.clip(level, QUIETEST, 1.0), 1.0)[log]
+    samples = max(float(counts.sum()), 1.0)
+    allowed = OVERALL * np.sqrt(2.0 / samples) + float(slack @ by_log) / samples
+    chi2 = float(squares.sum()) / max(float(expected @ counts), 1.0)
+    return level, (squares - expected * counts) / (expected * spread), chi2, allowed
 
 
 def _per_cycle(solved: Solved) -> tuple[Array, Array, Indices, Indices]:
@@ -232,12 +249,10 @@ def residual_scan(logs: Sequence[LogData], fitted: Sequence[Array]) -> ResidualW
             scaled = (sums[width:] - sums[:-width]) / np.sqrt(width)
             low, high = np.quantile(thinned(scaled, ENOUGH), [0.25, 0.75])
             first = int(np.argmax(np.abs(scaled)))
-            window = slice(first, first + width)
-            middle, mean = float(np.mean(time[window])), float(np.mean(residual[window]))
             deviations = abs(float(scaled[first])) / max(1.0, float(high - low) / QUARTILES)
-            out.append(
-                ResidualWindow(number, middle, float(np.ptp(time[window])), mean, deviations, deviations / limit)
-            )
+            stamps, mean = time[first : first + width], float(np.mean(residual[first : first + width]))
+            at = float(np.mean(stamps)), float(np.ptp(stamps))
+            out.append(ResidualWindow(number, *at, mean, deviations, deviations / limit))
     return max(out, key=lambda window: window.ratio, default=None)
 
 
@@ -325,10 +340,9 @@ def load_deviations(data: LogData, trajectory: ShootingTrajectory) -> Array:
 
 
 def loads_stand_in(solved: Solved) -> bool:
-    """Whether the normal forces of some log are off by more than their errors, so that they may stand in for something
-    else that differs from cycle to cycle."""
-    pairs = zip(solved.problem.logs, solved.trajectories, strict=True)
-    return any(off.size and _excess(off) > 0.0 for off in (load_deviations(*pair) for pair in pairs))
+    """Whether normal forces of a log are off by more than their errors, as where they stand in for another scatter."""
+    deviations = map(load_deviations, solved.problem.logs, solved.trajectories)
+    return any(off.size and _excess(off) > 0.0 for off in deviations)
 
 
 def _excess(off: Array) -> float:

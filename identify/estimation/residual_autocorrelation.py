@@ -13,6 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
 
+from identify.base.quantiles import chi_square_exceeded
+from identify.logs.log_data import LogData
+from identify.logs.noise import uneven
+from identify.logs.segment import noise_on_lines
 from identify.shooting.passes import Solved
 from identify.shooting.shooting_trajectory import ShootingTrajectory
 
@@ -21,12 +25,9 @@ Array = NDArray[np.float64]
 MOST = 24  # order of the autoregression
 FEWEST = 50  # samples per order
 PENALTY = 1.5  # times that of Schwarz: white noise is called autocorrelated once in many thousand logs
-MORE = 1.0  # share of the variance measured in the sticks by which that of the residuals may be larger
-CLOSE = 0.02  # the same of a log that is as good as white
-OF_EACH, FEWEST_CYCLES = 4, 12  # cycles of each log behind its first one, and of all, that the test needs
-BINS = (16, 8)  # of a stick, and of a slip
-FLIPS = 5000
-CHANCE = 1e-3  # that the cycles of noise have so much in common: below, it is a misfit
+FEWEST_CYCLES = 12  # behind the first one of each log: the mean of fewer does not tell noise from a misfit
+BINS = (8, 4)  # of a stick, and of a slip
+CHANCE = 1e-3  # that the mean cycle of noise is so large
 
 
 @dataclass(frozen=True)
@@ -96,72 +97,56 @@ def autocorrelated_covariance(moves: Sequence[Array], variances: Array, noise: S
 
 
 # ----------------------------------------------------------------------------------------------------------------------
-# Autocorrelated noise that is larger than the sticks show, told apart from a misfit. Lines through the sticks take out
-# what is slow; autocorrelated noise then leaves more than was measured, and a misfit does too. What a model gets wrong
-# comes back in every cycle at the same place, noise does not: flipping the signs of whole cycles leaves noise what it
-# is, and destroys what they have in common (a randomisation test).
+# Autocorrelated noise told apart from a misfit. Lines through sticks take out what is slow, and the shorter the sticks,
+# the more of the noise: its variance about them is no measure of it. What the autoregression leaves of a sample, its
+# innovation, is white, and lines through the innovations of the sticks, which know no curve, show its whole variance.
+# What a model gets wrong in slips makes innovations larger there. What it gets wrong slowly comes back in every cycle
+# at the same place: the mean cycle of noise falls with the number of cycles, that of a misfit does not.
 # ----------------------------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class AutocorrelationTest:
-    """Autocorrelated noise: levels (logs,), the variance of the residuals over that measured in the sticks;
-    spread_inflation (logs,), by how much autocorrelation widens the spread of a sum of squares."""
-
-    levels: Array
-    spread_inflation: Array
-
-
-def autocorrelation_test(solved: Solved, noise_estimated: Sequence[bool], level: Array) -> AutocorrelationTest | None:
-    """What the residuals are, if they are autocorrelated noise; None where they are not, or the cycles are too few.
-
-    Where no log leaves more than the noise of its sticks, they are noise on the whole, and autocorrelation only widens
-    the spread of each cycle.
-
-    Args:
-        noise_estimated: per log, whether its noise is from its sticks; level (logs,): variance of the residuals over
-            that noise.
-    """
-    logs, stacks = solved.problem.logs, list[Array]()
-    levels, spread_inflation = np.ones(len(logs)), np.ones(len(logs))
-    if np.any(level > 1.0 + MORE):
-        return None
-    for number, (data, trajectory, curve) in enumerate(zip(logs, solved.trajectories, solved.fitted, strict=True)):
-        residual = np.where(data.weight > 0, data.force - curve, np.nan) / data.noise
-        model = autoregression(residual)
-        if noise_estimated[number] and not model.white:
-            correlation = np.fft.irfft(model.spectrum(64 * MOST), 64 * MOST)
-            levels[number] = max(float(level[number]), 1.0)
-            spread_inflation[number] = float(np.sqrt(np.sum((correlation / correlation[0]) ** 2)))
-        if level[number] > 1.0 + CLOSE:
-            stacks.append(_by_phase(data.time, residual, trajectory))
-    rows = [len(stack) for stack in stacks]
-    if stacks and (min(rows) < OF_EACH or sum(rows) < FEWEST_CYCLES):
-        return None
-    is_noise = in_common(stacks, np.random.default_rng(0)) > CHANCE if stacks else np.max(spread_inflation) > 1.0
-    return AutocorrelationTest(levels, spread_inflation) if is_noise else None
+def innovations(data: LogData, trajectory: ShootingTrajectory, residual: Array) -> Array | None:
+    """The innovations (n,) of the residuals of a log (NaN: none), in standard deviations of those in its sticks; None
+    where the residuals are white, or the sticks too short."""
+    model = autoregression(residual)
+    in_sticks = _whitened(np.where(np.isfinite(residual) & ~slides(data, trajectory), data.force, np.nan), model)
+    edges = np.flatnonzero(np.diff(np.isfinite(in_sticks).astype(np.int8), prepend=0, append=0)).tolist()
+    stamps = data.time if uneven(data.time) else None
+    sd = (
+        None
+        if model.white
+        else noise_on_lines(np.nan_to_num(in_sticks), zip(edges[::2], edges[1::2], strict=True), stamps)
+    )
+    return _whitened(residual, model) / sd if sd else None
 
 
-def in_common(stacks: Sequence[Array], random: np.random.Generator) -> float:
-    """Chance that the cycles of noise have as much in common as these of logs have.
+def slides(data: LogData, trajectory: ShootingTrajectory) -> NDArray[np.bool_]:
+    """Which samples (n,) are in the slips of a train of cycles."""
+    return np.searchsorted(trajectory.onset, data.time) != np.searchsorted(trajectory.arrest, data.time)
+
+
+def _whitened(values: Array, model: ArModel) -> Array:
+    """What an autoregression leaves of values (n,); NaN where it lacks a sample."""
+    polynomial = np.concatenate([[1.0], -model.regression])
+    return np.concatenate([np.full(polynomial.size - 1, np.nan), np.convolve(values, polynomial, mode="valid")])
+
+
+def repeats(solved: Solved, white: Sequence[Array]) -> bool:
+    """Whether residuals of logs have a mean cycle that noise has not, or the cycles are too few to know.
 
     Args:
-        stacks: per log (c, bins), the sums of its residuals by cycle and place in it.
+        white: per log (n,), of variance 1, NaN where none is known.
     """
-    observed, flipped = 0.0, np.zeros(FLIPS)
-    for stack in stacks:
-        power = np.maximum(np.sum(stack**2, axis=0), 1e-300)
-        signs = random.choice([-1.0, 1.0], size=(FLIPS, len(stack)))
-        flipped += np.sum((signs @ stack) ** 2 / power, axis=1)
-        observed += float(np.sum(np.sum(stack, axis=0) ** 2 / power))
-    return (1.0 + float(np.count_nonzero(flipped >= observed))) / (1.0 + FLIPS)
-
-
-def _by_phase(time: Array, residual: Array, trajectory: ShootingTrajectory) -> Array:
-    """Sums of the residuals (n,) in places along stick and slip, over the root of their number (cycles - 1, bins)."""
-    rows, known = [], np.isfinite(residual)
-    for first, onset, last in zip(trajectory.arrest[:-1], trajectory.onset[1:], trajectory.arrest[1:], strict=True):
-        edges = np.concatenate([np.linspace(first, onset, BINS[0] + 1)[:-1], np.linspace(onset, last, BINS[1] + 1)])
-        total, _ = np.histogram(time[known], edges, weights=residual[known])
-        rows.append(total / np.sqrt(np.maximum(np.histogram(time[known], edges)[0], 1)))
-    return np.array(rows).reshape(-1, sum(BINS))
+    cycles, squares, places = 0, 0.0, 0
+    for data, trajectory, residual in zip(solved.problem.logs, solved.trajectories, white, strict=True):
+        arrest, onset = trajectory.arrest, trajectory.onset
+        stick = np.linspace(arrest[:-1], onset[1:], BINS[0], endpoint=False, axis=1)
+        slip = np.linspace(onset[1:], arrest[1:], BINS[1], endpoint=False, axis=1)
+        index = np.searchsorted(np.concatenate([stick, slip], axis=1).ravel(), data.time) - 1
+        known = np.isfinite(residual) & (index >= 0) & (data.time < np.max(arrest, initial=-np.inf))
+        total = np.bincount(index[known] % sum(BINS), residual[known], sum(BINS))
+        count = np.bincount(index[known] % sum(BINS), minlength=sum(BINS))
+        cycles += max(arrest.size - 1, 0)
+        squares += float(np.sum(total[count > 0] ** 2 / count[count > 0]))
+        places += int(np.count_nonzero(count))
+    return cycles < FEWEST_CYCLES or squares > chi_square_exceeded(CHANCE, places)

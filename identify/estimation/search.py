@@ -131,7 +131,8 @@ def _completed(problem: SearchProblem, attempt: Attempt, theta: Array, starting:
     """What one start leads to, joined by the other logs; with a strength of each stick where loads stand in for that,
     or the first start does not fit: no later one is tried so."""
     prepared, at, alike_sticks = problem.prepared, replace(problem.unknowns, start=theta), attempt
-    if problem.thorough and (loads_stand_in(attempt.solved) if attempt.fits else first):
+    alike_loads = attempt.gate.level > 1.0 or not loads_stand_in(attempt.solved)  # autocorrelated noise moves loads too
+    if problem.thorough and (not alike_loads if attempt.fits else first):
         problem.progress("solving with a strength of each stick", 0.55)
         scattered = tried(
             "strength per stick", lambda: with_own_strengths(alike_sticks, prepared, at), alike_sticks, starting

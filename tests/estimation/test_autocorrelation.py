@@ -15,20 +15,19 @@ from experiments.study_problem import DEMO, NAMES, RIG
 from identify.base.outcome import Status
 from identify.estimation.goodness_of_fit import pass_gate
 from identify.estimation.residual_autocorrelation import (
-    CHANCE,
     ArModel,
     autocorrelated_covariance,
-    autocorrelation_test,
     autoregression,
-    in_common,
+    innovations,
+    repeats,
 )
 from identify.identification import find
+from identify.logs.segment import noise_on_lines
 from identify.scene import Scene
 from tests.support.two_logs import drawn
 
 LOGS = ((1e-4, 20.0, 500.0), (1e-3, 4.0, 1000.0))  # drive speed [m/s], duration [s], rate [Hz]
 WHITE, SLOW, TIME = 5e-3, 2e-3, 0.02  # standard deviations [N] and memory [s]
-BINS = 24
 
 
 def _records(seed):
@@ -70,36 +69,36 @@ def test_noise_with_a_memory_is_accepted_and_widens_the_errors():
     assert pass_gate(found.attempt.solved, names, [False, False]).status is Status.MODEL_MISFIT, "noise that was stated"
 
 
-@pytest.mark.parametrize("cycles", [(4, 11), (30,), (5, 5, 5)])
-def test_noise_has_nothing_in_common_and_a_misfit_has(cycles):
-    random = np.random.default_rng(1)
-    place = np.sin(np.linspace(0.0, 3.0, BINS))
-    noise, misfit = [], []
-    for _ in range(60):
-        # Neighbouring places are alike, as where noise has a memory.
-        stacks = [lfilter([1.0], [1.0, -0.8], random.standard_normal((c, BINS)), axis=1) for c in cycles]
-        noise.append(in_common(stacks, random))
-        misfit.append(in_common([stack + 2.0 * place for stack in stacks], random))
-    assert np.mean(noise) == pytest.approx(0.5, abs=4.0 / np.sqrt(12 * 60)), "a chance is spread evenly"
-    assert min(noise) > CHANCE > np.median(misfit)
+def _teeth(correlation, misfit=0.0, cycles=200, seed=4):
+    """Sticks of 40 samples and slips of 20 under such noise; what the curve misses comes back in every cycle."""
+    count, random = 60 * cycles, np.random.default_rng(seed)
+    noise = WHITE * np.sqrt(1.0 - correlation**2) * _process(random, count, [correlation])
+    time, place = 1e-3 * np.arange(count), np.arange(count) % 60
+    curve = 0.3 * np.minimum(place / 40.0, (60 - place) / 20.0)
+    residual, first = noise + misfit * np.sin(np.pi * place / 30.0), 60e-3 * np.arange(cycles)
+    motion = SimpleNamespace(onset=first + 40e-3, arrest=first + 60e-3)
+    data = SimpleNamespace(time=time, force=curve + residual)
+    solved = SimpleNamespace(problem=SimpleNamespace(logs=[data]), trajectories=[motion])
+    return data.force, innovations(data, motion, residual), solved
 
 
-@pytest.mark.parametrize(("correlation", "stated"), [(0.8, False), (0.8, True), (0.0, False)])
-def test_noise_as_large_as_in_the_sticks_may_scatter_more_from_cycle_to_cycle(correlation, stated):
-    count, random = 20000, np.random.default_rng(4)
-    new = np.sqrt(1.0 - correlation**2) * random.standard_normal(count + 200)
-    force = WHITE * lfilter([1.0], [1.0, -correlation], new)[200:]
-    data = SimpleNamespace(time=np.arange(count) * 1e-3, force=force, weight=np.full(count, WHITE**-2), noise=WHITE)
-    trajectory = SimpleNamespace(arrest=np.linspace(1.0, 19.0, 10), onset=np.linspace(0.9, 18.9, 10))
-    level = np.array([np.mean((force / WHITE) ** 2)])
-    solved = SimpleNamespace(problem=SimpleNamespace(logs=[data]), trajectories=[trajectory], fitted=[np.zeros(count)])
-    known = autocorrelation_test(solved, [not stated], level)
-    if stated or correlation == 0.0:
-        assert known is None
-        return
-    assert known is not None and known.levels[0] == pytest.approx(1.0, abs=0.02)
-    # of a sum of squares of an autoregression of first order, against that of white noise
-    assert known.spread_inflation[0] == pytest.approx(np.sqrt((1 + correlation**2) / (1 - correlation**2)), rel=0.05)
+def test_innovations_of_noise_are_as_large_as_those_in_its_short_sticks():
+    force, new, _ = _teeth(0.8)
+    sticks = [(first, first + 40) for first in range(0, 12_000, 60)]
+    assert noise_on_lines(force, sticks) < 0.7 * WHITE, "lines through the sticks do not show what is slow"
+    assert np.nanmean(new**2) == pytest.approx(1.0, abs=0.05)
+    assert np.nanmean(new[1:] * new[:-1]) == pytest.approx(0.0, abs=0.04)
+    assert _teeth(0.0)[1] is None, "white residuals are their own innovations"
+
+
+def test_what_comes_back_in_every_cycle_is_no_noise_however_slow():
+    """Noise is called a misfit once in a thousand times."""
+    noise = [_teeth(0.8, cycles=40, seed=seed) for seed in range(100)]
+    assert sum(repeats(solved, [new]) for _, new, solved in noise) <= 1
+    misfits = [_teeth(0.8, WHITE, cycles=40, seed=seed) for seed in range(10)]
+    assert all(repeats(solved, [new]) for _, new, solved in misfits)
+    _, new, few = _teeth(0.8, cycles=12)
+    assert repeats(few, [new]), "too few to know"
 
 
 def _process(random, n, regression):
