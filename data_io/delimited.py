@@ -265,11 +265,6 @@ def read_steps(source: Source, request: Request) -> Contents:
 # The own CSV of the project, as `write.write_csv` makes it: everything a record holds, bit for bit.
 
 
-def is_ours(head: bytes) -> bool:
-    """Tell a CSV of ours by its first line."""
-    return head.startswith(CSV_MARK.encode())
-
-
 def read_ours(source: Source, request: Request) -> Contents:
     """Read the chosen step, or all of them. Raises `LogError`."""
     data = as_utf8(source.read())

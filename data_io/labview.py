@@ -160,7 +160,6 @@ def _head(source: Source, data: bytes, delimiter: str) -> tuple[dict[str, list[s
 
 # LabVIEW TDMS files, read by npTDMS (optional extra `tdms`).
 
-_TDMS: Final = b"TDSm"
 _SCALE_TYPE: Final = re.compile(r"NI_Scale\[\d+\]_Scale_Type")
 _SCALES: Final = frozenset(
     ("Polynomial", "Linear", "RTD", "Strain", "Table", "Thermistor", "Thermocouple", "Add", "Subtract")
@@ -172,11 +171,6 @@ _OF_DAMAGE: Final = (
     NotImplementedError, AssertionError, UnicodeError, struct.error,
 )  # fmt: skip
 """What npTDMS raises over damaged files."""
-
-
-def is_tdms(head: bytes) -> bool:
-    """Tell a TDMS by its first bytes."""
-    return head.startswith(_TDMS)
 
 
 def read_tdms(source: Source, request: Request) -> Contents:

@@ -18,12 +18,12 @@ from data_io.columns import KIND, Header, Name, match_header, role_of, shown
 from data_io.source import Request, Source
 from data_io.text import (
     BLANKS,
+    DATE_ALONE,
     DELIMITERS,
     MISSING,
     Text,
     clock_times,
     is_clock_time,
-    is_date,
     is_number,
     is_number_like,
     split,
@@ -141,7 +141,7 @@ def is_row(fields: Sequence[str]) -> bool:
     if not any(is_number(field) or is_number(field, ",") for field in filled):
         return len(filled) > 1 and all(split_cell(field) for field in filled)
     clock = next((i for i, field in enumerate(filled) if is_clock_time(field)), None)
-    leads = clock is not None and all(is_number_like(field) or is_date(field) for field in filled[:clock])
+    leads = clock is not None and all(is_number_like(field) or DATE_ALONE.fullmatch(field) for field in filled[:clock])
     known = sum(is_number_like(field) or (leads and is_clock_time(field)) for field in filled)
     return known * 2 >= len(filled)
 

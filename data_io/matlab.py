@@ -17,7 +17,6 @@ from data_io.columns import match_header, shown
 from data_io.contents import Contents, Part
 from data_io.source import LEAST_SUSPECT, MOST_TIMES, Request, Source
 
-_MARK: Final = b"MATLAB 5.0 MAT-file"
 _NUMBERS: Final = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 """How the numbers of a data element are stored, by its type (miINT8 to miUINT64)."""
 _MATRIX: Final = 14
@@ -34,11 +33,6 @@ _NOTHING: Final = ((0, memoryview(b"")),) * 4
 _LONGEST_NAME: Final = 64
 
 Columns = dict[str, npt.NDArray[Any]]
-
-
-def can_read(head: bytes) -> bool:
-    """Tell a .mat by its first words."""
-    return head.startswith(_MARK)
 
 
 def read(source: Source, request: Request) -> Contents:

@@ -21,6 +21,7 @@ from data_io.source import Request, Source, load, no_progress, sha256_of_several
 from data_io.text import looks_like_text
 from data_io.units import parse_quantity
 from data_io.values import COLUMN_ROLES, LogError, LogTooLargeError, UnitError
+from data_io.write import CSV_MARK
 
 
 @dataclass(frozen=True)
@@ -37,11 +38,11 @@ class Reader:
 
 READERS: Final = (
     Reader("hdf5", hdf5.can_read, hdf5.read),
-    Reader("matlab", matlab.can_read, matlab.read),
+    Reader("matlab", lambda head: head.startswith(b"MATLAB 5.0 MAT-file"), matlab.read),
     Reader("excel", excel.can_read, excel.read),
-    Reader("parquet", parquet.can_read, parquet.read),
-    Reader("tdms", labview.is_tdms, labview.read_tdms),
-    Reader("stickslip-csv", delimited.is_ours, delimited.read_ours),
+    Reader("parquet", lambda head: head.startswith(b"PAR1"), parquet.read),
+    Reader("tdms", lambda head: head.startswith(b"TDSm"), labview.read_tdms),
+    Reader("stickslip-csv", lambda head: head.startswith(CSV_MARK.encode()), delimited.read_ours),
     Reader("labview-lvm", labview.is_lvm, labview.read_lvm),
     Reader("bruker-csv", delimited.is_bruker, delimited.read_steps),
     Reader("cetr-text", delimited.is_cetr, delimited.read_steps),

@@ -17,13 +17,7 @@ from data_io.values import FloatArray
 if TYPE_CHECKING:
     import pyarrow
 
-_MARK: Final = b"PAR1"
 _UNITS: Final = (b"unit", b"units", b"Unit", b"Units")
-
-
-def can_read(head: bytes) -> bool:
-    """Tell a Parquet file by its first bytes."""
-    return head.startswith(_MARK)
 
 
 def read(source: Source, request: Request) -> Contents:

@@ -191,7 +191,7 @@ _TIME: Final = (
 _DATE: Final = r"(?P<a>\d{1,4})(?P<mark>[-/.])(?P<b>\d{1,2})(?P=mark)(?P<c>\d{1,4})"
 _ZONE: Final = r"(?: ?(?:Z|UTC|GMT|(?P<zone>[+-])(?P<zh>\d{2}):?(?P<zm>\d{2})))?"
 _STAMP: Final = re.compile(rf"(?:{_DATE}[T ,]{{1,2}})?{_TIME}{_ZONE}", re.IGNORECASE)
-_DAY_ALONE: Final = re.compile(_DATE)
+DATE_ALONE: Final = re.compile(_DATE)
 _MONTHS: Final = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 _NAME: Final = rf"({'|'.join(_MONTHS)})[a-z]{{0,6}}"
 _MONTH: Final = re.compile(rf"(\d{{1,2}})([-. /]){_NAME}\2(\d{{4}})(?=[T ,])", re.IGNORECASE)
@@ -214,11 +214,6 @@ def _stamp(token: str) -> re.Match[str] | None:
     plain = _MONTH_FIRST.sub(r"\2 \1 \3", plain, count=1)
     plain = _MONTH.sub(lambda m: f"{m[4]}-{_MONTHS.index(m[3].lower()) + 1}-{m[1]}", plain, count=1)
     return _STAMP.fullmatch(plain)
-
-
-def is_date(token: str) -> bool:
-    """Tell a date without a time."""
-    return _DAY_ALONE.fullmatch(token) is not None
 
 
 def clock_times(tokens: Sequence[str]) -> tuple[FloatArray, FloatArray | None] | None:

@@ -7,8 +7,6 @@ from typing import Final, Literal, TypeVar, cast
 import numpy as np
 import numpy.typing as npt
 
-# Errors of the data room that a user can mend: what was found, what was expected, what to do.
-
 
 class LogError(Exception):
     """A log cannot be read, written or accepted as a record; the text is the whole sentence, path included."""
@@ -21,8 +19,6 @@ class LogTooLargeError(LogError):
 class UnitError(ValueError):
     """A quantity or unit cannot be understood; the text is the whole sentence."""
 
-
-# Small frozen values that a record is made of: findings, steps, a mapping that cannot change.
 
 FloatArray = npt.NDArray[np.float64]
 Scalar = str | int | float | bool
@@ -98,9 +94,6 @@ class Step:
     def __post_init__(self) -> None:
         plain = {str(key).replace("\0", ""): str(value).replace("\0", "") for key, value in self.parameters.items()}
         object.__setattr__(self, "parameters", Frozen({key: value for key, value in plain.items() if key}))
-
-
-# Names that must not meet twice.
 
 
 def free_name(name: str, taken: Collection[str]) -> str:
