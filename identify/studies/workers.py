@@ -32,12 +32,14 @@ from typing import IO, Self, TypeAlias, cast
 
 from data_io.source import file_sha256
 from data_io.values import LogError, UnitError
+from identify.base.budget import no_time_limit, time_limit
 from identify.base.errors import IdentifyError
 from identify.base.result import Result
 from identify.studies import batch_store as store
 from identify.studies.batch_store import BatchError, Document, End, Job, LogFile, numerics
 
 MODULE = "identify.studies.workers"
+SOFT = 0.7  # of the limit: then a fit ends by itself, and has the rest for its report
 START_LIMIT = 300.0  # s, to load the libraries from a slow disk
 TICK = 0.5  # s between two looks at the clock
 WAIT = 30.0  # s for a Dask scheduler, and for its first worker
@@ -95,7 +97,8 @@ def _fitted(job: Job, part: Path) -> End:
         return changed
     fitted = time.perf_counter()
     part.mkdir()  # what an error leaves of it the batch discards
-    write_report(replace(outcome, result=with_provenance(result, job).to_dict()), part)
+    with no_time_limit():
+        write_report(replace(outcome, result=with_provenance(result, job).to_dict()), part)
     now = time.perf_counter()
     timing = {"fit": fitted - began, "report": now - fitted, "total": now - began}
     end = End(result.status, result.message, None, timing | {"processor": time.process_time() - used})
@@ -147,7 +150,8 @@ def serve(work: Make) -> None:
         if not line:
             return
         request = json.loads(line)
-        document = asdict(work(Job.from_document(request["job"]), Path(request["part"])))
+        with time_limit(SOFT * request["limit"]):
+            document = asdict(work(Job.from_document(request["job"]), Path(request["part"])))
 
 
 class FitProcess:
@@ -163,7 +167,7 @@ class FitProcess:
     def run(self, job: Job, folder: Path, limit: float) -> Answer:
         """Fit a job into a new hidden folder within `limit` seconds; every end is an answer, a killed one too."""
         part = store.new_part(folder)
-        request = json.dumps({"job": job.as_document(), "part": str(part)})
+        request = json.dumps({"job": job.as_document(), "part": str(part), "limit": limit})
         try:
             if (self._process is None or self._process.poll() is not None) and not self._start():
                 end = self._died("the fitting process did not start")
