@@ -126,6 +126,8 @@ def pass_gate(solved: Solved, names: Sequence[str], noise_estimated: Sequence[bo
         elif scatter := stick_scatter(solved):
             message += f"; strength (mu_s - mu_k0) differs from stick to stick by {three_figures(100.0 * scatter)} %"
     ended = solved.solution.return_status, solved.event_shift
+    # What was refused is no noise, whose level would widen the scores that look for its cause.
+    levels = levels if status is Status.CONVERGED else np.ones(len(names))
     return Gate(chi2, z, log + 1, cycle + 1, *ended, status, message, levels)
 
 
