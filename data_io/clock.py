@@ -238,7 +238,7 @@ def joined(clocks: Sequence[StepClock]) -> tuple[list[float], list[Finding]]:
     """
     offsets = [0.0]
     overlapping: list[str] = []
-    untold: list[str] = []
+    unstated: list[str] = []
     anchor = 0
     for i in range(1, len(clocks)):
         last, here = clocks[i - 1], clocks[i]
@@ -255,7 +255,7 @@ def joined(clocks: Sequence[StepClock]) -> tuple[list[float], list[Finding]]:
         if begin is not None and begin + here.time[0] > end:
             offsets.append(begin)
         else:
-            (untold if begin is None else overlapping).append(here.label)
+            (unstated if begin is None else overlapping).append(here.label)
             steps = next((np.diff(time) for time in (last.time, here.time) if time.size > 1), np.ones(1))
             offsets.append(end + float(np.median(steps)) - float(here.time[0]))
         anchor = i
@@ -263,8 +263,8 @@ def joined(clocks: Sequence[StepClock]) -> tuple[list[float], list[Finding]]:
     if overlapping:
         text = f"by the starting times {_some(overlapping)} began before the step above ended; put right behind it"
         findings.append(Finding("step_overlap", "warning", text))
-    if untold:
-        text = f"the pause before {_some(untold)} is not stated in the log; one sampling interval was assumed"
+    if unstated:
+        text = f"the pause before {_some(unstated)} is not stated in the log; one sampling interval was assumed"
         findings.append(Finding("step_gap_unknown", "warning", text))
     return offsets, findings
 

@@ -102,7 +102,7 @@ def against_least_squares(
 
     def hard() -> None:
         p = [start.values(truth, log.base) for log in data]
-        trajectories = place(start.model, data, p, [log.falls for log in logs], COARSE_GRID)
+        trajectories = place(start.model, data, p, [log.slip_times for log in logs], COARSE_GRID)
         solve_in_passes(data, [g for g in trajectories if g is not None], start.with_weak_priors())
 
     measured = []

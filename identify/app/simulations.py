@@ -107,8 +107,8 @@ def site_of(scene: Scene, result: Result | None, number: int) -> Site:
     if result is not None:
         number = min(number, len(result.logs) - 1)
         log, pair = result.logs[number], pair_of(result, scene, number)
-        if pair.untold or not pair.values:
-            raise PageError(pair.untold or "this fit has no values; correct the fit first")
+        if pair.refusal or not pair.values:
+            raise PageError(pair.refusal or "this fit has no values; correct the fit first")
         values = values | {name: value for name, value in pair.values.items() if name in values}
     drive = log.drive_speed_m_per_s or rig.drive_speed
     speeds = [abs(v) for _, v in drive if v] if isinstance(drive, tuple) else [abs(drive)] if drive else []

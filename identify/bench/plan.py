@@ -88,8 +88,8 @@ def plan(scene: Scene, logs: Sequence[Prepared], choices: Choices, result: Resul
     """
     check_calculable(scene.model)
     pair = Pair() if result is None else pair_of(result, scene, 0)
-    if pair.untold:
-        raise IdentifyError(f"{pair.untold}; plan from a scene without a fit instead")
+    if pair.refusal:
+        raise IdentifyError(f"{pair.refusal}; plan from a scene without a fit instead")
     values = dict(scene.values()) | {n: v for n, v in pair.values.items() if n in scene.values()}
     taken = [log for log in (result.logs if result else ()) if not log.reason_left_out]
     stated = [scene.rig.normal_force] if scene.rig.normal_force else []

@@ -41,7 +41,7 @@ class PairAtPoint:
 
     site: model, every parameter [SI], drive speed [m/s], normal force [N] and the contact's nominal area under it;
     covariance (f, f) of `names` (parameters, "drive_speed") [SI], None where it is unknown; groups: of the log, by what
-    the parameters of a fit differ by; untold: why the fit has no values for it, empty where it has; origins: where the
+    the parameters of a fit differ by; refusal: why the fit has no values for it, empty where it has; origins: where the
     values come from.
     """
 
@@ -50,7 +50,7 @@ class PairAtPoint:
     covariance: Array | None
     names: tuple[str, ...]
     groups: sources.Groups = ()
-    untold: str = ""
+    refusal: str = ""
     origins: sources.Origins = field(default_factory=sources.Origins)
 
     @property
@@ -104,9 +104,9 @@ def operating_points(arguments: Namespace) -> tuple[list[PairAtPoint], sources.T
                 f"mu_k0 is {slow:g} here, with mu_s {static:g} and delta_mu_k {change:g}; expected mu_k0 below mu_s, "
                 "and mu_k0 + delta_mu_k above 0: change --at"
             )
-    same = len({(p.site.drive_speed, p.site.normal_force, p.groups, p.untold) for p in points}) == 1
+    same = len({(p.site.drive_speed, p.site.normal_force, p.groups, p.refusal) for p in points}) == 1
     if len(points) > 1 and ("drive_speed" in changes or same):
-        first = {point.groups: point for point in reversed(points) if not point.untold}
+        first = {point.groups: point for point in reversed(points) if not point.refusal}
         points = [replace(point, name="the operating point") for point in reversed(first.values())] or points[:1]
     tested = None if result is None else sources.Tested.of_result(result)
     if result is None and source.logs:
@@ -182,7 +182,7 @@ def points_of(scene: Scene, result: Result | None, changes: Mapping[str, float] 
                     covariance=covariance[np.ix_(kept, kept)] if covariance is not None and kept else None,
                     names=tuple(names[i] for i in kept),
                     groups=pair.groups,
-                    untold=pair.untold,
+                    refusal=pair.refusal,
                     origins=sources.Origins(measured, elsewhere, tuple(guessed)),
                 )
             )
@@ -196,9 +196,9 @@ def _groups(points: Sequence[PairAtPoint]) -> str:
 
 def _one_pair(points: Sequence[PairAtPoint], option: str) -> list[PairAtPoint]:
     """The points that have values, for an option that shows a single pair."""
-    kept = [p for p in points if not p.untold]
+    kept = [p for p in points if not p.refusal]
     if not kept:
-        raise CommandLineError(f"{option} has nothing to show: {points[0].untold}")
+        raise CommandLineError(f"{option} has nothing to show: {points[0].refusal}")
     if len({p.groups for p in kept}) > 1:
         per, value = kept[0].groups[0]
         choice = value if per == EACH_LOG else f"{per}={value}"
@@ -257,15 +257,15 @@ def answers(arguments: Namespace, terminal: Terminal) -> Answer:
 
 def _predictions(points: Sequence[PairAtPoint]) -> list[PointPrediction | NoAnswer]:
     """The answers at each point; points of one pair share what they have in common."""
-    if len(points) == 1 and not points[0].untold:
+    if len(points) == 1 and not points[0].refusal:
         p, site = points[0], points[0].site
         return [predict(site.model, site.values, site.drive_speed, site.normal_force, p.covariance, p.names)]
     answered: dict[int, PointPrediction | NoAnswer] = {}
     for groups in {p.groups for p in points}:
         mine = {i: p for i, p in enumerate(points) if p.groups == groups}
         first = next(iter(mine.values()))
-        if first.untold:
-            answered |= dict.fromkeys(mine, NoAnswer(f"no answer: {first.untold}"))
+        if first.refusal:
+            answered |= dict.fromkeys(mine, NoAnswer(f"no answer: {first.refusal}"))
         else:
             found = predictions(first.site.model, [p.at for p in mine.values()], first.names)
             answered |= zip(mine, found, strict=True)

@@ -116,7 +116,9 @@ def _doubtful(findings: Findings) -> bool:
     change = next((e.value for e in findings.estimates if e.name == "delta_mu_k" and e.verdict != "fixed"), None)
     friction = np.array([p.kind == "friction" for p in unknowns.model.parameters])
     theta, near = attempt.solved.theta, 1e-6 * unknowns.spread
-    sits = (theta - unknowns.lower < near) & unknowns.walls[0] | (unknowns.upper - theta < near) & unknowns.walls[1]
+    sits = (theta - unknowns.lower < near) & unknowns.user_bounds[0] | (
+        unknowns.upper - theta < near
+    ) & unknowns.user_bounds[1]
     stated = (~unknowns.free | np.isfinite(unknowns.prior_sd) | sits) & friction
     return bool(
         findings.contradicted
@@ -260,7 +262,7 @@ def _set_free(ended: Fitted, score: Score, i: int) -> Attempt:
         upper=np.where(at, high, unknowns.upper),
         prior_sd=np.where(at, np.inf, unknowns.prior_sd),
         prior_about=np.where(at, -1, unknowns.prior_about),
-        walls=unknowns.walls & ~at,
+        user_bounds=unknowns.user_bounds & ~at,
     )
     found, _ = search(SearchProblem(list(ended.prepared), freed, thorough=False))
     if found is not None and found.fits:

@@ -124,7 +124,7 @@ def held_quantities(attempt: Attempt, unknowns: Unknowns) -> list[Column]:
     load, near = float(np.mean([log.mean_normal_force for log in logs])), 1e-6 * unknowns.spread
     with np.errstate(invalid="ignore"):  # the logarithm of nothing stands at the bound of none
         low, high = theta - unknowns.lower < near, unknowns.upper - theta < near
-    at_wall = low & unknowns.walls[0] | high & unknowns.walls[1]
+    at_wall = low & unknowns.user_bounds[0] | high & unknowns.user_bounds[1]
     names, out = unknowns.names, list[Column]()
     for i, declared in enumerate(unknowns.model.parameters):
         logarithmic = declared.scale == "log"

@@ -183,8 +183,8 @@ class _Comparison:
         self._report("fitting all that plainly matters", 0.1)
         self.best = fit_model(self._with(self.kept), self._records, thorough=True)
         while not time_is_up():
-            falls = self._absent() | self._present()
-            for effect in sorted(falls, key=falls.__getitem__, reverse=True):
+            decreases = self._absent() | self._present()
+            for effect in sorted(decreases, key=decreases.__getitem__, reverse=True):
                 if time_is_up():
                     return False
                 if self._step(effect):
@@ -215,10 +215,10 @@ class _Comparison:
         """By how much the criterion would fall without each effect, by the quadratic at the answer (Wald's test; null
         values are 0, of a scale one size away), where that may be. What has no null values is to be tried."""
         attempt, unknowns = self.best.attempt, self.best.unknowns
-        falls = dict.fromkeys(self.kept, 0.0)
+        decreases = dict.fromkeys(self.kept, 0.0)
         known = None if attempt is None else information_at(attempt.solved, unknowns)
         if attempt is None or known is None or not known.known:
-            return falls
+            return decreases
         pulled = against_data(attempt, unknowns, stated_rig(self._scene), 1.0)
         covariance, at = known.covariance(), {unknowns.names[i]: n for n, i in enumerate(known.free.tolist())}
         off = np.where(unknowns.logarithmic, 1.0, attempt.solved.theta)[known.free]
@@ -237,10 +237,10 @@ class _Comparison:
             least = max(len(mine), 1) * float(np.log(max(self.best.samples, 2)))
             self.gains[effect] = loss, least
             if loss > SURE * least:
-                del falls[effect]
+                del decreases[effect]
             else:
-                falls[effect] = least - loss
-        return falls
+                decreases[effect] = least - loss
+        return decreases
 
     def _step(self, effect: str) -> bool:
         """Take in an effect that is absent, or leave one out, if the Schwarz criterion falls by it."""

@@ -191,7 +191,7 @@ def place_on(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns) ->
     cycling = [i for i in chosen if prepared[i].fit_mode.name == "cycles"]
     data = [prepared[i].data for i in cycling]
     p = [unknowns.values(log.theta(unknowns.start), log.base) for log in data]
-    motions = place(unknowns.model, data, p, [prepared[i].falls for i in cycling], COARSE_GRID)
+    motions = place(unknowns.model, data, p, [prepared[i].slip_times for i in cycling], COARSE_GRID)
     placed = dict(zip(cycling, motions, strict=True))
     for number in sorted(chosen):
         log, trajectory = prepared[number], placed.get(number)

@@ -168,13 +168,13 @@ def estimates(
             out.append(replace(nothing, verdict="at bound", reason=at_bound[name]))
             continue
         curvature = float(theta[i] - NORMAL * sd), float(theta[i] + NORMAL * sd)
-        ends, walls = list(profiles.get(name, curvature)), list[str]()
+        ends, reached = list(profiles.get(name, curvature)), list[str]()
         for side, (word, bound) in enumerate((("lower", unknowns.lower[i]), ("upper", unknowns.upper[i]))):
             end = ends[side]
-            if unknowns.walls[side, i] and (end is None or (end <= bound if side == 0 else end >= bound)):
+            if unknowns.user_bounds[side, i] and (end is None or (end <= bound if side == 0 else end >= bound)):
                 ends[side] = float(bound)
-                walls.append(word)
-        walled = f"its interval ends at the {' and '.join(walls)} bound of the scene" if walls else ""
+                reached.append(word)
+        walled = f"its interval ends at the {' and '.join(reached)} bound of the scene" if reached else ""
         low, high = (parameter_value(unknowns, i, end, base[i]) for end in ends)
         verdict = verdict_of(value, low, high, float(size_of[i]), declared.scale == "log")
         if verdict == "not identifiable" or low is None or high is None:

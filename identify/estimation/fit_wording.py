@@ -97,7 +97,7 @@ def at_bounds(unknowns: Unknowns, theta: Array) -> dict[str, str]:
         for side, (word, bound) in enumerate((("lower", unknowns.lower[i]), ("upper", unknowns.upper[i]))):
             if abs(theta[i] - bound) >= AT_BOUND * unknowns.spread[i]:
                 continue
-            if unknowns.walls[side, i]:
+            if unknowns.user_bounds[side, i]:
                 out[name] = f"{name} sits at its {word} bound; widen it in [parameters], or fix {name}"
             elif name in RIG_PARAMETERS and abs(bound) == RIG_REACH:
                 out[name] = f"{name} sits a factor of three from what [rig] states, and may go no farther; check it"

@@ -158,7 +158,7 @@ def _side(
     bound = unknowns.lower[index] if sign < 0 else unknowns.upper[index]
     to_bound, walled = max(float(sign * (bound - centre)), 0.0), False
     if to_bound < reach:
-        reach, walled = to_bound, bool(unknowns.walls[0 if sign < 0 else 1, index])
+        reach, walled = to_bound, bool(unknowns.user_bounds[0 if sign < 0 else 1, index])
     at_reach = Side(centre + sign * reach if walled else None, False, walled)
     if reach <= 0.0:
         return at_reach, []

@@ -74,7 +74,7 @@ def search(problem: SearchProblem) -> tuple[Attempt | None, dict[int, str]]:
     able = usable(prepared)
     cycling = [i for i in able if prepared[i].typical > 0]
     starting = [i for i in cycling if not prepared[i].fit_mode.low_snr] or able
-    expected = {i for i in able if i in starting or prepared[i].falls.size > 1}
+    expected = {i for i in able if i in starting or prepared[i].slip_times.size > 1}
     best: Attempt | None = None
     for number, (strategy, theta) in enumerate(_starts(problem, starting) if able else ()):
         at = replace(problem.unknowns, start=theta)

@@ -226,12 +226,12 @@ class FitMode:
     rhythm: ForceOscillation | None = None
 
 
-def fit_mode_of(log: Segmented, phases: Segmentation, falls: Array, stiffness: float) -> FitMode:
-    """How a log is followed, or a stretch of it with its own phases; falls: of its cycles [s]; stiffness [N/m], 0 where
-    something else makes the mass swing."""
+def fit_mode_of(log: Segmented, phases: Segmentation, slip_times: Array, stiffness: float) -> FitMode:
+    """How a log is followed, or a stretch of it with its own phases; slip_times: of its cycles (c,) [s];
+    stiffness [N/m], 0 where something else makes the mass swing."""
     time, force, noise, drive, half_period = log.time, log.measured, log.noise, log.drive, log.rig.half_period or 0.0
-    if drive.constant and not phases.slides_on(falls.size):
-        return FitMode("cycles", low_snr=phases.low_snr and falls.size > 0)
+    if drive.constant and not phases.slides_on(slip_times.size):
+        return FitMode("cycles", low_snr=phases.low_snr and slip_times.size > 0)
     settled = steady_since(time, force, noise, half_period)
     if settled is not None and drive.constant and phases.stick_slope is not None:
         # A slip near the end of a slow log leaves a stick too short to be seen to rise.
@@ -245,7 +245,7 @@ def fit_mode_of(log: Segmented, phases: Segmentation, falls: Array, stiffness: f
         loaded = 0.5 * float(np.median(thinned(f[moves] if np.any(moves) else f)))
         begins = bool(np.median(f[: max(f.size // 100, 3)]) > loaded and np.min(f[:5]) > loaded - LEVEL * noise)
     fit_mode = FitMode("continuous", settled, begins)
-    if drive.constant and falls.size == 0:
+    if drive.constant and slip_times.size == 0:
         rise = int(np.argmax(phases.phase != STICK)) if phases.phase.size and phases.phase[0] == STICK else 0
         fit_mode = FitMode("sliding", settled, begins) if begins or rise < 5 else fit_mode
     if settled is None:
@@ -360,7 +360,7 @@ class Prepared:
     """One log, ready to be fitted or left out.
 
     record; entry; rig of this log; sign applied to the friction force; force (n,) [N], sliding positive, tare
-    taken off; used (n,) samples that count; segmentation; data for the estimator; falls (c,) [s] of the
+    taken off; used (n,) samples that count; segmentation; data for the estimator; slip_times (c,) [s] of the
     cycles that are fitted; reason the log is left out, or None; noise_estimated: from the data, not given;
     account of what was cut and corrected, with the record as it was read; judgement: of the quality gate;
     hidden_swing: by how much the normal force varies beyond its noise where the model takes its mean (half its range,
@@ -376,7 +376,7 @@ class Prepared:
     used: Bools
     segmentation: Segmentation
     data: LogData
-    falls: Array
+    slip_times: Array
     left_out: str | None
     noise_estimated: bool
     account: RecordEdits
@@ -400,8 +400,8 @@ class Prepared:
     def typical(self) -> int:
         """Number of cycles in the stretch that shows most of them."""
         if self.fit_mode.name == "cycles":
-            return int(self.falls.size)
-        return max((piece.falls.size for piece in self.pieces), default=0)
+            return int(self.slip_times.size)
+        return max((piece.slip_times.size for piece in self.pieces), default=0)
 
     @property
     def name(self) -> str:
@@ -478,8 +478,8 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
     part = RecordPart(log.time, log.measured, log.phases, expected, log.load)
     judgement = judge(log.record, [part], scene.thresholds, log.used)
     stiffness = 0.0 if model.vibrates else log.rig.stiffness  # else the mass swings with something else
-    falls = log.phases.cycles.fall[entry.skip_cycles :]
-    fit_mode = fit_mode_of(log, log.phases, falls, stiffness)
+    slip_times = log.phases.cycles.fall[entry.skip_cycles :]
+    fit_mode = fit_mode_of(log, log.phases, slip_times, stiffness)
     window = fitted_window(log, log.phases, fit_mode, entry.skip_cycles)
     load, hidden = _load(log, window, judgement, scene, follows=model.follows_load)
     prepared = Prepared(
@@ -491,7 +491,7 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
         used=log.counted,
         segmentation=log.phases,
         data=_data(log, load, window, unknowns),
-        falls=falls,
+        slip_times=slip_times,
         left_out=_left_out(fit_mode, log, judgement),
         noise_estimated=log.rig.noise is None,
         account=_account(record, log, window[0]),
@@ -576,16 +576,16 @@ def _pieces(log: Prepared, whole: Segmented, stiffness: float) -> tuple[Prepared
         if phases.low_snr:
             phases = segment(time, force, half_period=half_period or None, noise=whole.noise)
         part = replace(whole, time=time, measured=force, drive=Drive.of(speed))
-        fit_mode, falls = fit_mode_of(part, phases, phases.cycles.fall, stiffness), np.empty(0)
+        fit_mode, slip_times = fit_mode_of(part, phases, phases.cycles.fall, stiffness), np.empty(0)
         if fit_mode.name == "cycles" and phases.count >= FEW_SLIPS:
-            falls = phases.cycles.fall
+            slip_times = phases.cycles.fall
         elif fit_mode.name != "cycles" and fit_mode.steady_since is not None:
             fit_mode = replace(fit_mode, name="sliding")
         else:
             continue
         begin, end = fitted_window(part, phases, fit_mode)
         own = replace(data, begin=begin, end=end, drive_speed=speed, programme=None)
-        piece = replace(log, data=own, falls=falls, fit_mode=fit_mode, segmentation=phases, pieces=())
+        piece = replace(log, data=own, slip_times=slip_times, fit_mode=fit_mode, segmentation=phases, pieces=())
         out.append(replace(piece, regime_verdict=verdict))
     return tuple(out)
 

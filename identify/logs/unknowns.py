@@ -34,7 +34,7 @@ class Unknowns:
 
     `start` is theta at the first guess and the value of what is not free; `lower`, `upper` bound theta;
     `prior_mean`, `prior_sd` are Gaussian (sd infinite: no prior); `stated`: the scene has a value of it;
-    `walls` (2, n_p): the lower and upper bounds that the scene itself gives, the others are the model's own;
+    `user_bounds` (2, n_p): the lower and upper bounds that the scene itself gives, the others are the model's own;
     `prior_about` (n_p,): the parameter about which a prior is, beyond its mean, -1 where about none;
     `per`: by what each parameter differs from log to log (None: by nothing; "log"; a label; empty: none differs).
     """
@@ -47,7 +47,7 @@ class Unknowns:
     prior_mean: Array
     prior_sd: Array
     stated: NDArray[np.bool_]
-    walls: NDArray[np.bool_]
+    user_bounds: NDArray[np.bool_]
     prior_about: NDArray[np.int64]
     per: tuple[str | None, ...] = ()
 
@@ -100,8 +100,8 @@ class Unknowns:
     def at_own_bounds(self, theta: Array) -> NDArray[np.bool_]:
         """Which parameters (n_p,) sit at a bound of the model that is none of the scene."""
         near = AT_BOUND * self.spread
-        low = (np.abs(theta - self.lower) < near) & ~self.walls[0]
-        high = (np.abs(theta - self.upper) < near) & ~self.walls[1]
+        low = (np.abs(theta - self.lower) < near) & ~self.user_bounds[0]
+        high = (np.abs(theta - self.upper) < near) & ~self.user_bounds[1]
         return np.asarray(self.free & (low | high))
 
     def base(self, rig: Mapping[str, float]) -> Array:
@@ -179,7 +179,7 @@ def from_scene(scene: Scene) -> Unknowns:
     lower, upper = np.full(n, -np.inf), np.full(n, np.inf)
     mean, sd, stated = np.zeros(n), np.full(n, np.inf), np.zeros(n, bool)
     nulls = {name: value for effect in ALL if effect.name in model.effects for name, value in effect.null.items()}
-    walls, about = np.zeros((2, n), bool), np.full(n, -1)
+    user_bounds, about = np.zeros((2, n), bool), np.full(n, -1)
     per = []
     for i, declared in enumerate(model.parameters):
         name, spec, logarithmic = declared.name, scene.parameters.get(declared.name), declared.scale == "log"
@@ -205,7 +205,7 @@ def from_scene(scene: Scene) -> Unknowns:
         start[i] = search(value if value is not None else base if of_rig else declared.default)
         free[i] = spec.fixed is None
         lower[i], upper[i] = search(spec.lower), search(spec.upper)
-        walls[:, i] = spec.lower > declared.lower, spec.upper < declared.upper
+        user_bounds[:, i] = spec.lower > declared.lower, spec.upper < declared.upper
         if logarithmic and declared.unit == "s" and nulls.get(name) == 0.0 and rig["mass"] > 0.0:
             # A time constant that makes its effect vanish as it goes to zero.
             lower[i] = max(lower[i], float(np.log(RESOLVED * np.sqrt(rig["mass"] / rig["stiffness"]))))
@@ -219,7 +219,7 @@ def from_scene(scene: Scene) -> Unknowns:
         if known and name in names and free[names.index(name)] and (spec is None or spec.prior_sd is None):
             about[names.index(name)], sd[names.index(name)] = names.index("stiffness"), share * known
     start = np.clip(start, lower, upper)
-    return Unknowns(model, free, start, lower, upper, mean, sd, stated, walls, about, tuple(per))
+    return Unknowns(model, free, start, lower, upper, mean, sd, stated, user_bounds, about, tuple(per))
 
 
 def user_start(scene: Scene) -> bool:

@@ -90,21 +90,21 @@ class Pair:
 
     groups: (label, value) of all that parameters differ by, (EACH_LOG, "log 2") of what every log has for itself;
     values [SI] by parameter; covariance (f, f) [SI] of `names`, variances infinite where something is not identifiable;
-    untold: why there are no values, empty where there are.
+    refusal: why there are no values, empty where there are.
     """
 
     groups: Groups = ()
     values: Mapping[str, float] = field(default_factory=dict)
     names: tuple[str, ...] = ()
     covariance: Array | None = None
-    untold: str = ""
+    refusal: str = ""
 
 
 def pair_of(result: Result, scene: Scene, log: int) -> Pair:
     """The pair of a log of a result; `log` counts from 0."""
     groups = groups_of(result, log)
     if result.estimator == "uneven":
-        return Pair(groups, untold=UNEVEN)
+        return Pair(groups, refusal=UNEVEN)
     mine, entries = dict(groups), result.parameters
     own = {key: entry.parameter or key for key, entry in entries.items()}
     keys = {own[key]: key for key, entry in entries.items() if not entry.per or entry.group == mine[entry.per]}
@@ -112,8 +112,8 @@ def pair_of(result: Result, scene: Scene, log: int) -> Pair:
     if missing:
         known = [entry for key, entry in entries.items() if own[key] == missing[0]]
         others, group = ", ".join(entry.group for entry in known), mine.get(known[0].per, "") or "no such group"
-        untold = f"this fit has {missing[0]} of {others} only, and this log is of {group}"
-        return Pair(groups, untold=f"{untold}; fit it again with a log of this group that takes part")
+        refusal = f"this fit has {missing[0]} of {others} only, and this log is of {group}"
+        return Pair(groups, refusal=f"{refusal}; fit it again with a log of this group that takes part")
     values = {name: value for name, key in keys.items() if (value := entries[key].value) is not None}
     return Pair(groups, values, *_covariance(result, keys))
 

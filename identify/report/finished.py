@@ -337,9 +337,9 @@ class Fit:
             scene = scene.with_effects(result.effects.names)
         pair = pair_of(result, scene, log - 1)
         missing = [name for name, entry in result.parameters.items() if entry.value is None]
-        if pair.untold or (missing and not pair.values):
+        if pair.refusal or (missing and not pair.values):
             raise FitError(
-                pair.untold or f"this fit has no value of {', '.join(missing)}; fix it in the scene and fit again"
+                pair.refusal or f"this fit has no value of {', '.join(missing)}; fix it in the scene and fit again"
             )
         document, entry = result.logs[log - 1], scene.logs[result.numbers[log - 1]]
         values = {**scene.values(entry), **pair.values}

@@ -202,7 +202,7 @@ def _events(prepared: list[Prepared], findings: Findings) -> Iterator[str]:
     """Slips that the search put in or took out, and records it could not follow to their end."""
     attempt = findings.attempt
     for number, log in zip(attempt.log_numbers, attempt.fitted_logs, strict=True) if attempt else ():
-        before, after, mode = prepared[number].falls, log.falls, log.fit_mode.name
+        before, after, mode = prepared[number].slip_times, log.slip_times, log.fit_mode.name
         put = [f"{t:.4g} s" for t in after.tolist() if t not in before]
         out = [f"{t:.4g} s" for t in before.tolist() if t not in after]
         for words, times in (("that was missed put in", put), ("that is none taken out", out)):

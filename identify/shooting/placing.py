@@ -224,10 +224,10 @@ class _Cycles:
     noise: Array
 
     @staticmethod
-    def of(model: Model, logs: list[LogData], p: list[Array], falls: list[Array]) -> _Cycles:
-        log, fall = np.repeat(np.arange(len(logs)), [f.size for f in falls]), np.concatenate(falls)
+    def of(model: Model, logs: list[LogData], p: list[Array], slip_times: list[Array]) -> _Cycles:
+        log, fall = np.repeat(np.arange(len(logs)), [f.size for f in slip_times]), np.concatenate(slip_times)
         first = np.diff(log, prepend=-1) > 0
-        force = np.concatenate([one.normal_force.at(f) for one, f in zip(logs, falls, strict=True)])
+        force = np.concatenate([one.normal_force.at(f) for one, f in zip(logs, slip_times, strict=True)])
         speed, begin, noise = (np.array([getattr(d, n) for d in logs])[log] for n in ("drive_speed", "begin", "noise"))
         # Each cycle begins about where the fall before it is.
         u = np.stack([speed, force, np.ones_like(force), np.where(first, begin, np.roll(fall, 1))], axis=1)
@@ -240,24 +240,24 @@ class _Cycles:
 
 
 def place(
-    model: Model, logs: list[LogData], p: list[Array], falls: list[Array], grid: Grid
+    model: Model, logs: list[LogData], p: list[Array], slip_times: list[Array], grid: Grid
 ) -> list[ShootingTrajectory | None]:
     """Place a cycle of the model on every fall: a trajectory per log, None where the model does not come to rest in one
     of its cycles (it slides).
 
     Args:
         p: parameter values of each log (n_p,).
-        falls: per log, the mid-fall times of its cycles (c,) [s].
+        slip_times: per log, the mid-fall times of its cycles (c,) [s].
     """
-    if not logs or not sum(f.size for f in falls):
+    if not logs or not sum(f.size for f in slip_times):
         return [None for _ in logs]
     p = [q.copy() for q in p]
     for name, value in model.quiet:
         if np.isfinite(value):  # what vibrates is left to the shooting
             for q in p:
                 q[model.parameter_names.index(name)] = value
-    cycles = _Cycles.of(model, logs, p, falls)
-    starts = [_begin_state(model, log, q, f) for log, q, f in zip(logs, p, falls, strict=True)]
+    cycles = _Cycles.of(model, logs, p, slip_times)
+    starts = [_begin_state(model, log, q, f) for log, q, f in zip(logs, p, slip_times, strict=True)]
     slips, onset = _placed(logs, cycles, _arrests(cycles, starts))
     trajectories: list[ShootingTrajectory | None] = []
     for number, log in enumerate(logs):
@@ -323,12 +323,12 @@ def _placed(logs: list[LogData], cycles: _Cycles, x: Array) -> tuple[Slips, Arra
     return slips, best
 
 
-def _begin_state(model: Model, log: LogData, p: Array, falls: Array) -> Array:
+def _begin_state(model: Model, log: LogData, p: Array, slip_times: Array) -> Array:
     """State at the begin of the window: elongation from its first samples, age of the contact from the first onset."""
     context, clamped = LogContext(model, log, p), model.clamped
-    first = falls[0] if falls.size else log.begin
+    first = slip_times[0] if slip_times.size else log.begin
     x = begin_state(context, max(log.begin + 0.8 * max(first - log.begin, 0.0), log.time[0]))
-    if clamped is None or not falls.size:
+    if clamped is None or not slip_times.size:
         return x
     onset = first - 0.5 * context.half  # a fall is half way down after a quarter of a period
     states = aged(x, clamped)

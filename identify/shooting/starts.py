@@ -91,16 +91,16 @@ class Features:
     time: float
 
 
-def extract(log: LogData, falls: Array, half_period: float) -> Features | None:
+def extract(log: LogData, slip_times: Array, half_period: float) -> Features | None:
     """The features of a log, or None without a fall that can be folded.
 
     Args:
-        falls: mid-fall times of its cycles (c,) [s].
+        slip_times: mid-fall times of its cycles (c,) [s].
         half_period: half the natural period [s].
     """
-    if falls.size == 0:
+    if slip_times.size == 0:
         return None
-    settled, periods = falls[1:] if falls.size >= 3 else falls, np.diff(falls)
+    settled, periods = slip_times[1:] if slip_times.size >= 3 else slip_times, np.diff(slip_times)
     period = float(np.median(periods)) if periods.size else np.inf
     width = half_period / BINS
     lower, upper = -min(BEFORE * half_period, SHARE * period), min(AFTER * half_period, SHARE * period)
@@ -153,18 +153,18 @@ def extract(log: LogData, falls: Array, half_period: float) -> Features | None:
     )
 
 
-def _fold(log: LogData, falls: Array, edges: Array) -> tuple[Array, Array, Array, NDArray[np.int64]]:
+def _fold(log: LogData, slip_times: Array, edges: Array) -> tuple[Array, Array, Array, NDArray[np.int64]]:
     """Samples around each fall: local time, force at the mean normal force, weight, cycle."""
-    first = np.searchsorted(log.time, falls + edges[0])
-    lengths = np.maximum(np.searchsorted(log.time, falls + edges[-1]) - first, 0)
+    first = np.searchsorted(log.time, slip_times + edges[0])
+    lengths = np.maximum(np.searchsorted(log.time, slip_times + edges[-1]) - first, 0)
     ends = np.cumsum(lengths)
     number = np.arange(0, int(ends[-1]), max(int(ends[-1]) // (1 << 14), 1))
     cycle = np.searchsorted(ends, number, side="right")
     index = number + (first - (ends - lengths))[cycle]
     cycle, index = cycle[log.weight[index] > 0], index[log.weight[index] > 0]
-    load = log.normal_force.at(falls)
+    load = log.normal_force.at(slip_times)
     force = log.force[index] * (np.mean(load) / load)[cycle]
-    return log.time[index] - falls[cycle], force, log.weight[index], cycle
+    return log.time[index] - slip_times[cycle], force, log.weight[index], cycle
 
 
 # ----------------------------------------------------------------------------------------------------------------------

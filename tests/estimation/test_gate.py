@@ -20,12 +20,14 @@ NAMES = ("calm.csv", "brisk.csv")
 EXACT = (False, False)
 
 
-def _fit(change=lambda data: data, falls=lambda falls: falls):
-    """Two noisy logs, changed, and the passes from the truth with these falls."""
+def _fit(change=lambda data: data, slip_times=lambda times: times):
+    """Two noisy logs, changed, and the passes from the truth with these times of slips."""
     logs = [case.simulated(case.PAIR, *speed) for speed in (case.MIDDLE, case.FAST)]
     unknowns = case.search_space(case.PAIR, case.FRICTION)
     data = change([case.log_data(log, unknowns, noise_seed=seed) for seed, log in enumerate(logs)])
-    trajectories = case.placed(unknowns, logs, data, COARSE_GRID, falls=falls([log.falls for log in logs]))
+    trajectories = case.placed(
+        unknowns, logs, data, COARSE_GRID, slip_times=slip_times([log.slip_times for log in logs])
+    )
     return solve_in_passes(data, trajectories, unknowns.with_weak_priors())
 
 
@@ -132,11 +134,11 @@ def test_one_bad_stretch_is_named():
 
 @pytest.mark.parametrize("missed", [True, False], ids=["missed", "invented"])
 def test_a_slip_missed_or_invented_is_refused(missed):
-    def seen(falls):
-        more = np.sort(np.append(falls[0], 0.5 * (falls[0][2] + falls[0][3])))
-        return [np.delete(falls[0], 3) if missed else more, falls[1]]
+    def seen(slip_times):
+        more = np.sort(np.append(slip_times[0], 0.5 * (slip_times[0][2] + slip_times[0][3])))
+        return [np.delete(slip_times[0], 3) if missed else more, slip_times[1]]
 
-    gate = pass_gate(_fit(falls=seen), NAMES, EXACT)
+    gate = pass_gate(_fit(slip_times=seen), NAMES, EXACT)
     assert gate.status in (Status.WRONG_EVENT_COUNT, Status.MODEL_MISFIT)
     assert "calm.csv" in gate.message
     assert abs(gate.cycle[gate.worst] - 4) <= 1

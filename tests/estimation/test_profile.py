@@ -109,9 +109,9 @@ def test_a_bound_of_the_scene_ends_an_interval_and_says_so(pair):
     attempt, unknowns, sizes = pair
     index = unknowns.names.index("D")
     size = sizes[np.flatnonzero(unknowns.free).tolist().index(index)]
-    upper, walls = unknowns.upper.copy(), unknowns.walls.copy()
+    upper, walls = unknowns.upper.copy(), unknowns.user_bounds.copy()
     upper[index], walls[1, index] = attempt.solved.theta[index] + size, True
-    bounded = replace(unknowns, upper=upper, walls=walls)
+    bounded = replace(unknowns, upper=upper, user_bounds=walls)
     low, high = profile(attempt.solved, bounded, sizes, np.ones(sizes.size), [index]).ends["D"]
     assert high.walled and high.end == pytest.approx(upper[index]) and not low.walled
 

@@ -62,7 +62,7 @@ def test_a_spring_that_pulls_the_other_way_in_a_hold_turns_no_log_over():
     force = run(assemble(MAIN), light | RIG, drive, 1.0, 4.0).sample(times)["force"]
     assert np.median(force) < -0.02 and np.median(force[:120]) > 0.1
     log = _prepared(Record(times, np.ones(times.size), force), drive_speed=[list(step) for step in drive])
-    assert log.sign == 1 and log.falls.size == 2
+    assert log.sign == 1 and log.slip_times.size == 2
 
 
 def test_slips_between_holds_are_found_whatever_the_holds_are():
@@ -82,7 +82,7 @@ def test_slips_between_holds_are_found_whatever_the_holds_are():
 
 def test_skipped_cycles_and_windows_leave_samples_and_falls_out():
     everything, later = _prepared(_record()), _prepared(_record(), skip_cycles=2)
-    assert later.falls.size == everything.falls.size - 2
+    assert later.slip_times.size == everything.slip_times.size - 2
     assert everything.segmentation.cycles.arrest[1] < later.data.begin < everything.segmentation.cycles.onset[2]
     half = _prepared(_record(), window=[0.0, 2.0])
     assert not half.used[2500:].any()

@@ -101,8 +101,8 @@ def pair(told, log):
 def test_a_log_whose_group_has_no_values_is_not_answered_by_another():
     told = document()
     told["logs"][1]["labels"] = {"volunteer": "C"}
-    assert not pair(told, 0).untold
-    assert "has mu_s of A, B only, and this log is of C" in pair(told, 1).untold
+    assert not pair(told, 0).refusal
+    assert "has mu_s of A, B only, and this log is of C" in pair(told, 1).refusal
 
 
 def test_a_parameter_of_every_log_goes_by_the_number_of_the_log():
@@ -112,7 +112,7 @@ def test_a_parameter_of_every_log_goes_by_the_number_of_the_log():
             entry |= {"per": "log", "group": "log 2" if key.endswith("(B)") else "log 1"}
     assert pair(told, 1).values["D"] == 60e-6 and pair(told, 0).values["mu_k0"] == pytest.approx(0.43)
     told["parameters"]["D"]["group"] = told["parameters"]["mu_s"]["group"] = "log 3"
-    assert "this log is of log 1" in pair(told, 0).untold
+    assert "this log is of log 1" in pair(told, 0).refusal
 
 
 def test_what_is_not_identifiable_has_an_infinite_variance():

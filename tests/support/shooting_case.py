@@ -43,7 +43,7 @@ class Log:
         return self.truth.arrests.size
 
     @property
-    def falls(self) -> Array:
+    def slip_times(self) -> Array:
         """When the force is half way down, per slip [s]."""
         out = []
         for onset, arrest in zip(self.truth.onsets, self.truth.arrests, strict=False):
@@ -122,11 +122,11 @@ FRICTION = tuple(PAIR)
 
 
 def placed(
-    unknowns: Unknowns, logs: list[Log], data: list[LogData], grid: Grid, *, falls: list[Array] | None = None
+    unknowns: Unknowns, logs: list[Log], data: list[LogData], grid: Grid, *, slip_times: list[Array] | None = None
 ) -> list[ShootingTrajectory]:
-    """The motion at the start values of the search, placed on the falls of the logs (default the true ones)."""
+    """The motion at the start values of the search, placed on the slip_times of the logs (default the true ones)."""
     p = [unknowns.values(unknowns.start, d.base) for d in data]
-    trajectories = place(unknowns.model, data, p, falls or [log.falls for log in logs], grid)
+    trajectories = place(unknowns.model, data, p, slip_times or [log.slip_times for log in logs], grid)
     assert all(trajectory is not None for trajectory in trajectories), (
         "the start does not stick-slip in one of the logs"
     )
