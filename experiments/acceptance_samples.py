@@ -43,6 +43,7 @@ from experiments.study_problem import (
     SPEEDS,
     USUAL,
     random_case,
+    recorded,
     recovery_case,
     scene_of,
 )
@@ -244,10 +245,8 @@ def chosen_effects(number: int) -> Line:
         values = {q.name: values.get(q.name, q.default) for q in model.parameters}
         records, slips = [], []
         for (speed, duration, rate), load in zip(SPEEDS[1:], (1.0, 1.4, 0.8), strict=True):
-            times = np.arange(round(duration * rate) + 1) / rate
             motion = run(model, values, speed, load, duration)
-            force = motion.sample(times)["force"] + NOISE * random.standard_normal(times.size)
-            records.append(Record(times, np.full(times.size, load), force))
+            records.append(recorded(motion, rate, random, load=load))
             slips.append(motion.arrests.size)
         shown = [i for i, count in enumerate(slips) if count >= 4]
         # Friction that does not weaken hardly ever sticks and slips at the fastest speed.

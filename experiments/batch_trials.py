@@ -55,9 +55,13 @@ def environment(seconds: float = 0.02) -> dict[str, str]:
     }
 
 
-def started(arguments: Sequence[object], seconds: float = 0.02, before: str = NO_PAGE) -> subprocess.Popen[bytes]:
-    """`stickslip batch` in a process of its own with a stand-in for the fit; before: what it does first, in Python."""
-    command = [sys.executable, "-c", before + WITH_STUB + COMMAND, "batch", *map(str, arguments)]
+def started(
+    arguments: Sequence[object], seconds: float = 0.02, before: str = NO_PAGE, largest: int | None = None
+) -> subprocess.Popen[bytes]:
+    """`stickslip batch` in a process of its own with a stand-in for the fit; before: what it does first, in Python;
+    largest: bytes of a file, beyond which writing fails as on a full disk."""
+    full = f"import resource as r; r.setrlimit(r.RLIMIT_FSIZE, ({largest}, {largest})); " if largest else ""
+    command = [sys.executable, "-c", full + before + WITH_STUB + COMMAND, "batch", *map(str, arguments)]
     pipe = subprocess.PIPE
     return subprocess.Popen(command, stdout=pipe, stderr=pipe, env=environment(seconds), cwd=ROOT)
 

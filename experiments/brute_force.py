@@ -306,11 +306,6 @@ def cycles_from(pair: Pair, drive: float, state: State) -> Iterator[Jump]:
             return
 
 
-def jump(pair: Pair, state: State, drive: float) -> Jump | None:
-    """The stick from a rest state and the slip after it; None when the mass does not come to rest again."""
-    return next(cycles_from(pair, drive, state), None)
-
-
 def settled(pair: Pair, drive: float, start: State = (0.0, 1.0), cycles: int = 60) -> Jump | None:
     """The cycle on which the motion from a rest state settles (the last of `cycles`); None when it ends in sliding.
 

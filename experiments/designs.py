@@ -15,12 +15,11 @@ from pathlib import Path
 import numpy as np
 
 from data_io import Record
-from experiments.study_problem import NOISE, NORMAL_FORCE, RIG, USUAL
+from experiments.study_problem import NORMAL_FORCE, RIG, USUAL, recorded
 from identify.effects import MAIN
 from identify.model.model import assemble
 from identify.scene import Scene
 from identify.simulation.simulate import run
-from identify.simulation.trajectory import Trajectory
 
 Log = tuple[float, float, float]  # drive speed [m/s], duration [s], sampling rate [Hz]
 
@@ -71,7 +70,7 @@ def design(number: int) -> Design:
             if sound and all(log[2] * log[1] / motions[log[:2]].arrests.size >= SEEN for log in flawed):
                 break
     noise = np.random.default_rng([SEED, pair, rest])
-    records = tuple(_record(motions[log[:2]], log, noise) for log in chosen)
+    records = tuple(recorded(motions[log[:2]], log[2], noise) for log in chosen)
     return Design(kind, repaired, truth, rig, chosen, records)
 
 
@@ -96,13 +95,6 @@ def _logs(random: np.random.Generator, kind: str, rig: dict[str, float]) -> tupl
         rate = float(np.round(random.uniform(*FEW) / slip))
         return tuple((v, t, rate) for v, t, _ in (SLOWER, SLOW, FAST)), (SLOWER, SLOW, FAST, FASTER)
     return (SLOWEST, SLOWER), (SLOWEST, SLOWER, SLOW, FAST, FASTER)
-
-
-def _record(motion: Trajectory, log: Log, noise: np.random.Generator) -> Record:
-    _, duration, rate = log
-    times = np.arange(round(duration * rate) + 1) / rate
-    force = motion.sample(times)["force"] + NOISE * noise.standard_normal(times.size)
-    return Record(times, np.full(times.size, NORMAL_FORCE), force)
 
 
 def scene_of(made: Design) -> Scene:

@@ -29,7 +29,6 @@ CLOSED = "eq. (13) in 40 digits"
 ROOT = "onset condition in 40 digits"
 PLAIN = ("inertia", "hysteresis_damping", "linear_weakening")
 FREE = ("inertia", "linear_weakening")
-AGEING = ("inertia", "hysteresis_damping", "contact_ageing", "linear_weakening")
 NO_DAMPER = {"damping": 0.0}
 K, M = PAIR["stiffness"], PAIR["mass"]
 FIRST = PAIR["mu_s"] / K  # drive travel to the first onset of a saturated contact under 1 N, no damper [m]

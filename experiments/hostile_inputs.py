@@ -17,7 +17,7 @@ import tempfile
 import zipfile
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial, reduce
 from operator import getitem
 from pathlib import Path
@@ -433,7 +433,6 @@ def files() -> Iterator[Hostile]:
         yield Hostile(f"{name}, as a pattern", "comma.csv", lambda: GOOD, ("inspect", pattern))
 
 
-OTHERS = {"log": ("scene", "convert", "rig", "fit"), "scene": ("fit", "stability", "amplitude", "plan", "batch")}
 WHOLE = {  # commands that end well, to which one option is added
     "fit": ("log.csv", "--scene", "{scene}", "--out", "{out}"),
     "verify": ("{file}",),
@@ -448,8 +447,6 @@ WHOLE = {  # commands that end well, to which one option is added
     "stability": ("--scene", "{scene}"),
     "amplitude": ("--scene", "{scene}"),
 }
-OF_A_LOG = [(name, *(word.replace("log.csv", "{file}") for word in WHOLE[name])) for name in OTHERS["log"]]
-OF_A_SCENE = [(name, *(word.replace("{scene}", "{file}") for word in WHOLE[name])) for name in OTHERS["scene"]]
 OF_A_RESULT = [
     *((name, *WHOLE[name]) for name in ("verify", "compare")),
     *((name, "--result", "{file}") for name in ("stability", "amplitude")),
@@ -460,15 +457,6 @@ JUNK = (  # of options
     *("friction_force=N*9^9^9", "0x" + "f" * 10_000, "1e999999999 N", "0,1" + " " * 50_000 + "s", "1e400 N/m"),
 )
 BESIDE = {"log.csv": GOOD, "all.csv": b"path,group,drive_speed\nlog.csv,g,0.2 mm/s\n"}
-
-
-def elsewhere() -> Iterator[Hostile]:
-    """The broken logs and scenes given to two commands that are not their own."""
-    for number, hostile in enumerate(own_inputs()):
-        others = {("inspect", "{file}"): OF_A_LOG, ("simulate", "--scene"): OF_A_SCENE}.get(tuple(hostile.command[:2]))
-        if others and len(hostile.command) in (2, len(WHOLE["simulate"]) + 1):
-            for command in (others * 2)[number % len(others) :][:2]:
-                yield replace(hostile, name=f"{command[0]}: {hostile.name}", command=command, beside=BESIDE)
 
 
 def _places(value: object, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
@@ -489,22 +477,8 @@ def results() -> Iterator[Hostile]:
     with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stdout(io.StringIO()):
         log, scene, out = (str(Path(folder) / name) for name in ("log.csv", "scene.toml", "out"))
         Path(scene).write_text(SCENE)
-        main(
-            [
-                "simulate",
-                "--scene",
-                scene,
-                "--duration",
-                "8 s",
-                "--rate",
-                "500 Hz",
-                "--noise",
-                "2 mN",
-                "--out",
-                log,
-                "--quiet",
-            ]
-        )
+        record = {"--scene": scene, "--duration": "8 s", "--rate": "500 Hz", "--noise": "2 mN", "--out": log}
+        main(["simulate", *itertools.chain(*record.items()), "--quiet"])
         main(["fit", log, "--scene", scene, "--out", out, "--quiet"])
         document = json.loads((Path(out) / "result.json").read_text())
     draw, places = random.Random(0), sorted(_places(document), key=str)
@@ -535,4 +509,4 @@ def own_inputs() -> Iterator[Hostile]:
 
 def all_inputs() -> Iterator[Hostile]:
     """Every input."""
-    return itertools.chain(own_inputs(), elsewhere(), results(), words())
+    return itertools.chain(own_inputs(), results(), words())

@@ -3,7 +3,6 @@
 Every twin is one person's visit: two records of less than a minute with 2 to 15 cycles each. The normal force relaxes,
 carries pulse and tremor, and is measured with noise; the skin gives in series with the rig; friction drifts as the skin
 moistens; the noise of the friction force has a memory; mass, stiffness and damping are not what the user believes.
-On request no two sticks are alike: the level of friction wanders along the track, and strength scatters.
 """
 
 from __future__ import annotations
@@ -41,7 +40,6 @@ RECORDS = ((10.0, (7, 14)), (45.0, (3, 8)))
 FEWEST, MOST = 2, 15  # cycles of a record
 SEED = 31
 ACCURACY = 1e-5
-LEVEL_SHARE, LEVEL_LENGTH = 0.2, 1e-3  # of an uneven track: sd of the level, of the scatter; its correlation length [m]
 
 
 @dataclass(frozen=True)
@@ -119,16 +117,11 @@ def _course(random: np.random.Generator, load: float, duration: float) -> tuple[
 
 
 @lru_cache(maxsize=4)
-def twin(number: int, scatter: float = 0.0) -> Twin:
-    """The twin of a number; pairs whose records do not show 2 to 15 cycles each, or slip backwards, are drawn again.
-    scatter: standard deviation of the logarithm of the strength from stick to stick."""
-    random = np.random.default_rng([SEED, number])
-    model = assemble((*EFFECTS, "friction_heterogeneity") if scatter else EFFECTS)
-    track = {"field_sd": LEVEL_SHARE * scatter, "field_length": LEVEL_LENGTH, "strength_sd": scatter}
+def twin(number: int) -> Twin:
+    """The twin of a number; pairs whose records do not show 2 to 15 cycles each, or slip backwards, are drawn again."""
+    random, model = np.random.default_rng([SEED, number]), assemble(EFFECTS)
     while True:
         truth, load = _pair(random), random.uniform(0.7, 3.0)
-        if scatter:
-            truth |= track | {"loading_sd": 0.0, "field_seed": float(number)}
         speeds, durations, motions, courses = [], [], [], []
         for duration, (few, many) in RECORDS:
             softness = 1.0 / truth["stiffness"] + 1.0 / truth["skin_stiffness"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.metadata
 import os
 import platform
+import re
 import subprocess
 import time
 from pathlib import Path
@@ -17,11 +18,15 @@ PACKAGES = ("casadi", "numpy", "scipy")
 
 def describe() -> str:
     """One line: processor, cores, load, Python and package versions, commit."""
+    listed = Path("/proc/cpuinfo").read_text("utf-8") if Path("/proc/cpuinfo").exists() else ""
+    processor = next(re.finditer(r"model name\s*: (.*)", listed), [platform.machine()] * 2)[1]
     versions = ", ".join(f"{name} {importlib.metadata.version(name)}" for name in PACKAGES)
     load = f", load {os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else ""
+    described = ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty"]
+    commit = subprocess.run(described, capture_output=True, text=True, timeout=10, check=False).stdout.strip()
     return (
-        f"{_processor()}, {os.cpu_count()} cores{load}; {platform.system()}, Python {platform.python_version()}, "
-        f"{versions}; commit {_commit()}"
+        f"{processor}, {os.cpu_count()} cores{load}; {platform.system()}, Python {platform.python_version()}, "
+        f"{versions}; commit {commit or 'unknown'}"
     )
 
 
@@ -30,20 +35,3 @@ def by_processor_time() -> None:
     budget.time = SimpleNamespace(perf_counter=time.process_time)  # type: ignore[assignment]
     if abs(budget.now() - time.process_time()) > 1.0:
         raise RuntimeError("the clock of the limits is another one than the one that was set")
-
-
-def _processor() -> str:
-    listed = Path("/proc/cpuinfo")
-    if listed.exists():
-        for line in listed.read_text(encoding="utf-8").splitlines():
-            if line.startswith("model name"):
-                return line.split(":", 1)[1].strip()
-    return platform.processor() or platform.machine()
-
-
-def _commit() -> str:
-    command = ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty"]
-    try:
-        return subprocess.run(command, capture_output=True, text=True, timeout=10, check=True).stdout.strip()
-    except (OSError, subprocess.SubprocessError):
-        return "unknown"

@@ -11,7 +11,7 @@ from identify.studies.pooled import Setting
 
 Array = NDArray[np.float64]
 
-QUANTITIES = ("mu_s", "mu_k0", "delta_mu_k", "log a", "log D", "log t_cr")
+# Of mu_s, mu_k0, delta_mu_k and the logarithms of a, D and t_cr.
 CENTRE = np.array([0.62, 0.43, -0.13, np.log(300.0), np.log(37.4e-6), np.log(0.5)])
 # Standard deviations between people, of a person on one material, between runs, and of a fit.
 PEOPLE = np.array([0.06, 0.05, 0.02, 0.25, 0.20, 0.20])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import expm
+from scipy.signal import cont2discrete, lfilter
 
 from data_io import Record
 
@@ -14,31 +14,16 @@ FINE = 8000.0  # [Hz] of the integration
 
 def tapped(rig: dict[str, float], lag: float, rate: float, noise: float, random: np.random.Generator) -> Record:
     """A record of three taps: pulses of a tenth of a swing on the free rig, seen by a load cell of first order. The
-    pulses are constant, so that the exponential of the matrix integrates exactly."""
+    pulses are constant, so that holding them from sample to sample is exact."""
     mass, stiffness, natural = rig["mass"], rig["stiffness"], np.sqrt(rig["stiffness"] / rig["mass"])
-    dashpot = rig["damping"] / natural
-    matrix = np.array(
-        [
-            [0.0, 1.0, 0.0, 0.0],
-            [-stiffness / mass, -dashpot / mass, 0.0, 1.0 / mass],
-            [-stiffness / lag, -dashpot / lag, -1.0 / lag, 0.0],
-            [0.0, 0.0, 0.0, 0.0],
-        ]
-    )
-    sub = int(np.ceil(FINE / rate))
-    step = expm(matrix / (rate * sub))
-    count = int(7.0 * rate) * sub
-    at = np.arange(count + 1) / (rate * sub)
-    pulse = np.zeros(count + 1)
+    dashpot, sub = rig["damping"] / natural, int(np.ceil(FINE / rate))
+    cell = (-dashpot, -stiffness), np.polymul([lag, 1.0], [mass, dashpot, stiffness])  # its force by that of the tap
+    numerator, denominator, _ = cont2discrete(cell, 1.0 / (rate * sub))
+    at = np.arange(int(7.0 * rate) * sub + 1) / (rate * sub)
+    pulse = np.zeros(at.size)
     for tap in TAPS:
-        inside = (at >= tap) & (at < tap + 0.2 * np.pi / natural)
-        pulse[inside] = random.uniform(0.5, 1.5) / (0.2 * np.pi)
-    shown, state = np.zeros(count + 1), np.zeros(4)
-    for i in range(count):
-        state[3] = pulse[i]
-        state = step @ state
-        shown[i + 1] = state[2]
-    times, force = at[::sub], shown[::sub] + 0.2 + 0.01 * at[::sub]
+        pulse[(at >= tap) & (at < tap + 0.2 * np.pi / natural)] = random.uniform(0.5, 1.5) / (0.2 * np.pi)
+    times, force = at[::sub], lfilter(numerator.ravel(), denominator, pulse)[::sub] + 0.2 + 0.01 * at[::sub]
     return Record(times, np.ones(times.size), force + noise * random.standard_normal(times.size))
 
 

@@ -1,4 +1,4 @@
-"""Batches that are killed, fed garbage, left to hang, put on a full disk and started twice: what is lost?
+"""Batches that are killed and put on a full disk: what is lost?
 
 Each batch is taken up again with --resume until it is done, and then compared, file by file, with one that was never
 disturbed. Counted are groups that had ended and were gone or fitted again ("lost"), results that differ but for
@@ -149,66 +149,17 @@ def _failed(out: Path) -> frozenset[str]:
     return frozenset(group for group in put(out) if {p.name for p in (out / group).iterdir()} == {"job.json"})
 
 
-def gone_wrong(folder: Path, reference: Path, home: Path, names: list[str]) -> Tally:
-    """Groups that hang, crash, are refused or run into a defect, among good ones: the good ones are as without them."""
-    tally = Tally("fits that hang, crash, are refused")
-    out = home / "wrong"
-    more = write_case(folder, [*names, "hang", "crash", "defect", "refuse"])
-    process = started(batch(more, out, "--jobs", 2, "--time-limit", "1 s"))
-    process.communicate()
-    if process.returncode != 3 or set(put(out)) != {*names, "hang", "crash", "defect", "refuse"}:
-        tally.words.append(f"exit code {process.returncode}, groups {sorted(put(out))}")
-    tally.look(out, reference, {}, _failed(out))
-    tally.batches += 1
-    return tally
-
-
-def twice(case: tuple[Path, Path], reference: Path, home: Path, times: int) -> Tally:
-    """Two batches started on the same folder at once, again and again: one runs, the other is told to wait."""
-    tally = Tally("two batches at once")
-    for number in range(times):
-        out = home / f"twice_{number}"
-        both = [started(batch(case, out, "--jobs", 2), seconds=0.3) for _ in range(2)]
-        for process in both:
-            process.communicate()
-        codes = sorted(process.returncode for process in both)
-        if codes not in ([0, 2], [0, 0]):  # both where one was done before the other began
-            tally.words.append(f"exit codes {codes}")
-        tally.look(out, reference, {}, frozenset())
-        tally.finish(out, reference)
-    return tally
-
-
-def _mounted(where: Path, *options: str) -> bool:
-    """Mount a disk of its own size there; False where this machine does not let us have one."""
-    try:
-        command = ["mount", "-t", "tmpfs", "-o", ",".join(options), "tmpfs", str(where)]
-        return subprocess.run(command, capture_output=True, check=False).returncode == 0
-    except OSError:
-        return False
-
-
 def full_disk(case: tuple[Path, Path], reference: Path, home: Path) -> Tally:
-    """A disk that fills up in the middle, is made larger, fills up again, until the batch is done."""
-    tally, disk, before = Tally("full disk"), home / "disk", dict[str, int]()
-    disk.mkdir()
-    if not _mounted(disk, "size=300k"):
-        return Tally("full disk (not tried: no rights to mount one)")
-    try:
-        for size in range(300, 3000, 300):
-            _mounted(disk, "remount", f"size={size}k")
-            process = started(batch(case, disk / "out", "--jobs", 2))
-            _, words = process.communicate()
-            if b"Traceback" in words or process.returncode not in (0, 2, 3):
-                tally.words.append(words.decode()[-300:])
-            tally.kills += process.returncode != 0
-            before = tally.look(disk / "out", reference, before, frozenset())
-            if process.returncode == 0:
-                tally.finish(disk / "out", reference)
-                return tally
-        tally.words.append("never done")
-    finally:
-        subprocess.run(["umount", str(disk)], capture_output=True, check=False)
+    """A disk that takes ever larger files: no group is half, and with room again the batch is done."""
+    tally, out, before = Tally("full disk"), home / "full", dict[str, int]()
+    for size in (5_000, 15_000, 50_000, None):  # bytes that a file may have
+        process = started(batch(case, out, "--jobs", 2), largest=size)
+        _, words = process.communicate()
+        if b"Traceback" in words or process.returncode != (2 if size in (5_000, 15_000) else 0):
+            tally.words.append(f"exit code {process.returncode}: {words.decode()[-300:]}")
+        tally.kills += process.returncode != 0
+        before = tally.look(out, reference, before, frozenset())
+    tally.finish(out, reference)
     return tally
 
 
@@ -219,18 +170,15 @@ def main(fast: bool = False) -> list[Tally]:
         RuntimeError: something was lost, wrong, half or left over.
     """
     print(describe())
-    kills, pairs, size = (2, 1, 5) if fast else (110, 10, 20)
-    names = [f"G{i:02d}" for i in range(size)]
+    kills, size = (2, 5) if fast else (110, 20)
     with tempfile.TemporaryDirectory() as folder:
         home = Path(folder)
-        case, reference = write_case(home / "in", names), home / "reference"
+        case, reference = write_case(home / "in", [f"G{i:02d}" for i in range(size)]), home / "reference"
         undisturbed(case, reference)
         tallies = [
             killed_at_random("killed at random", case, reference, home, kills),
             killed_at_its_page(case, reference, home, kills // 3),
             full_disk(case, reference, home),
-            twice(case, reference, home, pairs),
-            gone_wrong(home / "in", reference, home, names),
         ]
     print(*tallies, sep="\n")
     if any(tally.words for tally in tallies):

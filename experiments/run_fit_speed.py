@@ -34,17 +34,15 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from data_io import Record, write_hdf5  # noqa: E402
 from experiments.event_driven import Series, fit_by_least_squares  # noqa: E402
 from experiments.machine import describe  # noqa: E402
-from experiments.study_problem import DEMO, NOISE, NORMAL_FORCE, RIG, SPEEDS, coefficients_only  # noqa: E402
+from experiments.study_problem import DEMO, NORMAL_FORCE, RIG, SPEEDS, coefficients_only, simulated_case  # noqa: E402
 from identify import Scene, fit  # noqa: E402
 from identify.base import native  # noqa: E402
 from identify.effects import MAIN  # noqa: E402
 from identify.logs.prepare import prepare  # noqa: E402
 from identify.logs.unknowns import from_scene  # noqa: E402
-from identify.model.model import assemble  # noqa: E402
 from identify.shooting.layout import COARSE_GRID  # noqa: E402
 from identify.shooting.passes import solve_in_passes  # noqa: E402
 from identify.shooting.placing import place  # noqa: E402
-from identify.simulation.simulate import run  # noqa: E402
 
 TRUTH = DEMO | RIG
 DOCUMENT = "scene.json"
@@ -54,18 +52,6 @@ from identify import Scene, fit
 folder = pathlib.Path(sys.argv[1])
 print(fit(Scene.from_document(json.loads((folder / "{DOCUMENT}").read_text()), folder)).result["status"])
 """
-
-
-def simulated(chosen: Sequence[int]) -> list[Record]:
-    """The chosen logs of the test problem."""
-    model, random, records = assemble(MAIN), np.random.default_rng(1), []
-    for speed, duration, hertz in (SPEEDS[i] for i in chosen):
-        times = np.arange(round(duration * hertz) + 1) / hertz
-        force = run(model, TRUTH, speed, NORMAL_FORCE, duration).sample(times)["force"]
-        records.append(
-            Record(times, np.full(times.size, NORMAL_FORCE), force + NOISE * random.standard_normal(times.size))
-        )
-    return records
 
 
 def written(records: Sequence[Record], chosen: Sequence[int], folder: Path) -> Scene:
@@ -126,7 +112,7 @@ def in_a_new_process(folder: Path) -> float:
 def main(fast: bool = False) -> None:
     """Measure and print; fast: one log, of which only the coefficients are searched, once."""
     chosen, repeats = ((3,), 1) if fast else ((0, 1, 2, 3), 5)
-    records = simulated(chosen)
+    records = [simulated_case(DEMO, 1).records[i] for i in chosen]
     print(describe())
     with tempfile.TemporaryDirectory() as place_:
         folder = Path(place_)

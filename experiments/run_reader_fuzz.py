@@ -1,10 +1,10 @@
 """Broken logs by the thousand: every file is read as it was written, or refused in a sentence, or read with a warning.
 
-An input is a look-alike of a real format with random numbers, broken in up to three ways; or one that Hypothesis draws:
-any bytes, small logs broken byte by byte, sound tables in any layout. Looked for: a traceback, more than 2 s of
+An input is a look-alike of a real format with random numbers, broken in up to three ways; or one that is drawn: any
+bytes, small logs broken byte by byte, sound tables in any layout. Looked for: a traceback, more than 2 s of
 processor time, and a number that is not the one written, without a warning.
 
-    python experiments/run_reader_fuzz.py [count [first seed [how many Hypothesis draws]]]
+    python experiments/run_reader_fuzz.py [count [first seed [how many draws]]]
 """
 
 from __future__ import annotations
@@ -16,16 +16,15 @@ import tempfile
 import time
 import traceback
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from hypothesis import HealthCheck, Phase, given, seed, settings
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from data_io import LogError, Record, read_log
-from experiments.drawn_logs import ANY, broken, tables
+from experiments.drawn_logs import DRAWS
 from experiments.lookalikes import ALL, EXPORTS, TEXTS, LookAlike, Made, rows
 from experiments.machine import describe
 from experiments.mutations import BINARY, ORDER, TEXT, Mutation
@@ -40,8 +39,8 @@ FIXED = (*NO_PLAIN_HEADER, *EXPORTS)  # their columns cannot change places
 WORST = {"same": 0, "part": 1, "refuse": 2, "any": 3}
 
 
-def one(number: int, folder: Path) -> tuple[str, str]:
-    """What became of one input: (kind and mutations, outcome). Outcomes that begin with "WRONG" are defects."""
+def mutated(number: int, folder: Path) -> tuple[str, str]:
+    """What became of a look-alike: (kind and mutations, outcome). Outcomes that begin with "WRONG" are defects."""
     draw = random.Random(number)
     name = draw.choice(BINARIES if draw.random() < 0.02 else TEXTS)
     ways, kind = TEXT if name in TEXTS else BINARY, ALL[name]
@@ -118,40 +117,19 @@ def difference(record: Record, made: Made, whole: bool) -> str:
     return ""
 
 
-def judge_drawn(path: Path, drawn: bytes | Made) -> str:
-    """Read what was drawn and say what became of it; of a table every number is known."""
-    path.write_bytes(drawn if isinstance(drawn, bytes) else drawn.data)
-    record = _read(lambda: read_log(path), path)
+def drawn(number: int, folder: Path) -> tuple[str, str]:
+    """What became of a draw, of DRAWS in turn: (what it is, outcome); of a table every number is known."""
+    made, path = DRAWS[number % len(DRAWS)](random.Random(number)), folder / "log.csv"
+    path.write_bytes(made if isinstance(made, bytes) else made.data)
+    label, record = f"{made!r:.300}", _read(lambda: read_log(path), path)
     if isinstance(record, str):
-        return record
+        return label, record
     if any(finding.severity != "info" for finding in record.findings):
-        return "read with a warning"
-    if isinstance(drawn, bytes):
-        return "read, changed"
-    wrong = difference(record, drawn, whole=True)
-    return f"WRONG: {wrong}" if wrong else "read as written"
-
-
-def by_hypothesis(count: int, first: int, folder: Path) -> Iterator[tuple[str, str]]:
-    """So many inputs of each of the three strategies: what was drawn, outcome."""
-    seen: list[tuple[str, str]] = []
-
-    def look(drawn: bytes | Made) -> None:
-        seen.append((f"{drawn!r:.300}", judge_drawn(folder / "log.csv", drawn)))
-
-    for strategy in (ANY, broken(), tables()):
-        generate = settings(
-            max_examples=count, deadline=None, database=None, phases=[Phase.generate], suppress_health_check=HealthCheck
-        )
-        seed(first)(generate(given(strategy)(look)))()
-    yield from seen
-
-
-def by_mutations(count: int, first: int, folder: Path) -> Iterator[tuple[str, str]]:
-    """So many broken look-alikes: seed and mutations, outcome."""
-    for number in range(first, first + count):
-        label, outcome = one(number, folder)
-        yield f"seed {number}, {label}", outcome
+        return label, "read with a warning"
+    if isinstance(made, bytes):
+        return label, "read, changed"
+    wrong = difference(record, made, whole=True)
+    return label, f"WRONG: {wrong}" if wrong else "read as written"
 
 
 def main(fast: bool = False, count: int | None = None, first: int = 0, draws: int | None = None) -> Counter[str]:
@@ -160,14 +138,15 @@ def main(fast: bool = False, count: int | None = None, first: int = 0, draws: in
     draws = (90 if fast else 3_000) if draws is None else draws
     print(describe())
     both: Counter[str] = Counter()
-    for kind, look, number in (("broken look-alikes", by_mutations, count), ("draws", by_hypothesis, draws // 3)):
+    for kind, look, many in (("broken look-alikes", mutated, count), ("draws", drawn, draws)):
         outcomes: Counter[str] = Counter()
         begun = time.process_time()
         with tempfile.TemporaryDirectory() as folder:
-            for label, outcome in look(number, first, Path(folder)) if number else ():
+            for number in range(first, first + many):
+                label, outcome = look(number, Path(folder))
                 outcomes["WRONG" if outcome.startswith("WRONG") else outcome] += 1
                 if outcome.startswith("WRONG"):
-                    print(f"{label}: {outcome}", flush=True)
+                    print(f"seed {number}, {label}: {outcome}", flush=True)
         print(f"{outcomes.total()} {kind} from seed {first}, {time.process_time() - begun:.0f} s")
         for outcome, times in outcomes.most_common():
             print(f"  {times:7d}  {outcome}")

@@ -62,9 +62,16 @@ def _simulated(
     """One log of speed [m/s], duration [s] and sampling rate [Hz], and the motion behind it."""
     speed, duration, hertz = log
     motion = run(assemble(NAMES), values, speed, NORMAL_FORCE, duration)
-    times = np.arange(round(duration * hertz * rate) + 1) / (hertz * rate)
+    return recorded(motion, hertz * rate, random, noise), motion
+
+
+def recorded(
+    motion: Trajectory, rate: float, random: np.random.Generator, noise: float = NOISE, load: float = NORMAL_FORCE
+) -> Record:
+    """A motion under a constant load [N], sampled at a rate [Hz] with white noise [N] of its force."""
+    times = np.arange(round(motion.duration * rate) + 1) / rate
     force = motion.sample(times)["force"] + noise * random.standard_normal(times.size)
-    return Record(times, np.full(times.size, NORMAL_FORCE), force), motion
+    return Record(times, np.full(times.size, load), force)
 
 
 @dataclass(frozen=True)
@@ -123,15 +130,6 @@ def recovery_case(ranges: str, number: int, noise: float = 1.0, rate: float = 1.
     return with_fifth(case, number, noise=noise * NOISE, rate=rate) if "five" in ranges else case
 
 
-def wrong_start(random: np.random.Generator, truth: dict[str, float]) -> dict[str, float]:
-    """A user's start: a, D, t_cr wrong by up to a factor 3, coefficients by up to 50 %, 0 < mu_k0 < mu_s kept."""
-    while True:
-        start = {n: truth[n] * float(np.exp(random.uniform(-np.log(3), np.log(3)))) for n in ("a", "D", "t_cr")}
-        start |= {n: truth[n] * random.uniform(0.5, 1.5) for n in ("mu_s", "mu_k0", "delta_mu_k")}
-        if start["mu_k0"] < start["mu_s"] and start["mu_k0"] + start["delta_mu_k"] > 0.0:
-            return start
-
-
 def scene_of(case: Case, start: dict[str, float] | None = None, further: Sequence[float] = ()) -> Scene:
     """The scene a user would write for the case; with the user's start where one is given, and with further logs, whose
     drive speeds [m/s] are given."""
@@ -153,6 +151,3 @@ def coefficients_only(scene: Scene, truth: Mapping[str, float]) -> Scene:
     as_told = {"start": None, "prior_mean": None, "prior_sd": None, "stated": True}
     known = {name: replace(scene.parameters[name], fixed=truth[name], **as_told) for name in KNOWN}
     return replace(scene, parameters={**scene.parameters, **known})
-
-
-__all__ = ["DEMO", "RIG", "Case", "coefficients_only", "random_case", "scene_of", "simulated_case", "wrong_start"]

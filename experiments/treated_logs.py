@@ -16,7 +16,7 @@ from scipy.signal import butter, filtfilt, savgol_filter
 
 from data_io import Record
 from experiments.judgement import FRICTION
-from experiments.study_problem import NOISE, RIG, SPEEDS, USUAL, Case, random_case
+from experiments.study_problem import NOISE, RIG, SPEEDS, USUAL, Case, random_case, recorded
 from identify import Scene
 from identify.effects import MAIN
 from identify.model.model import assemble
@@ -92,13 +92,9 @@ def copied(number: int) -> tuple[Treated, str]:
     kind = "repeat" if number % 3 == 0 else tuple(COPIES)[number % len(COPIES)]
     case, random = _case(1, number)
     which = int(random.integers(2, len(case.records)))
-    speed, *_ = SPEEDS[which]
-    noise = NOISE * random.standard_normal(case.records[which].time.size)
+    speed, duration, rate = SPEEDS[which]
     if kind == "repeat":
-        model, (_, duration, _) = assemble(MAIN), SPEEDS[which]
-        motion = run(model, case.truth | case.rig, speed, 1.0, duration)
-        force = motion.sample(case.records[which].time)["force"] + noise
-        more = replace(case.records[which], friction_force=force)
+        more = recorded(run(assemble(MAIN), case.truth | case.rig, speed, 1.0, duration), rate, random)
     else:
         more = COPIES[kind](case.records[which])
     return (_scene(case, [*(v for v, *_ in SPEEDS[1:]), speed]), [*case.records[1:], more], case.truth), kind
@@ -162,10 +158,8 @@ def specimens(number: int) -> Treated:
         own["mu_s"] = own["mu_k0"] + (own["mu_s"] - own["mu_k0"]) * static
         duration = float(np.clip(8.0 * 0.2 / (RIG["stiffness"] * speed), 2.0, 40.0))
         rate = 1000.0 if speed > 5e-4 else 500.0  # Hz
-        time = np.arange(round(duration * rate) + 1) / rate
-        force = run(assemble(MAIN), own | RIG, float(speed), 1.0, duration).sample(time)["force"]
-        noise = SPECIMEN_NOISE * random.standard_normal(time.size)
-        records.append(Record(time, np.ones(time.size), force + noise))
+        motion = run(assemble(MAIN), own | RIG, float(speed), 1.0, duration)
+        records.append(recorded(motion, rate, random, SPECIMEN_NOISE))
         logs.append({"path": f"{1e3 * speed:g}_mm_per_s.csv", "drive_speed": float(speed)})
     document = {"effects": list(MAIN), "rig": RIG, "logs": logs, "tolerances": {"specimen": scatter}}
     return Scene.from_document(document), records, truth
