@@ -21,7 +21,8 @@ from identify.app.jobs import Jobs, words_of
 from identify.app.looks import Looks, row_of, seen_by_a_fit
 from identify.app.results import batch_seen, fit_picture, fit_row, fit_seen, residuals
 from identify.app.scenes import Scenes, edited, with_log
-from identify.app.simulations import answer_at, axes_of, site_of, start_from_data, tried
+from identify.app.simulations import answer_at, axes_of, site_at, start_from_data, tried
+from identify.base.errors import SceneError
 from identify.logs.prepare import Segmented, segmented
 from identify.report.stored_result import read_result
 from identify.report.stored_result import scene_of as scene_of_result
@@ -158,8 +159,8 @@ class Page:
             scene = scene_of_result(result, path)
         scene = scene or self._scene(asked)
         try:
-            site = site_of(scene, result, asked.whole("number", 0))
-        except PageError as error:  # an answer: which number is missing for a map
+            site = site_at(scene, result, asked.whole("number", 0))
+        except (PageError, SceneError) as error:  # an answer: which number is missing for a map
             return {"missing": str(error)}
         return {"axes": axes_of(site), **answer_at(site, result, asked.numbers("changes"))}
 

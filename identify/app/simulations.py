@@ -17,7 +17,7 @@ from identify.logs.regime import Regime
 from identify.logs.scene_records import with_drives, with_records
 from identify.prediction.axes import Site, axis, known_axes, moved_values
 from identify.prediction.predict import predict
-from identify.prediction.sources import Tested, pair_of
+from identify.prediction.sources import Tested, pair_of, scenes_at, site_of
 from identify.report.stored_result import plain
 from identify.scene import Scene
 from identify.simulation.drive import Drive
@@ -30,7 +30,6 @@ ACCURACY = 1e-4  # of switch times and forces: finer than a line on a screen
 LOADS = 200  # pieces of the load over time
 ONE_AT_A_TIME = threading.Lock()  # compiled functions of a model are used by one thread
 SPEED, LOAD = "drive_speed", "normal_force"
-EXAMPLES = {SPEED: '"1 mm/s"', LOAD: '"1 N"'}
 
 
 def tried(scene: Scene, log: Segmented, values: Mapping[str, float], chosen: range) -> Document:
@@ -100,27 +99,16 @@ def start_from_data(scene: Scene) -> Document:
     return dict(plain({"source": seen.source, "values": seen.parameters}))
 
 
-def site_of(scene: Scene, result: Result | None, number: int) -> Site:
+def site_at(scene: Scene, result: Result | None, number: int) -> Site:
     """The operating point of a log (from 0) of a scene, with the values of a fit where there is one."""
-    entry = scene.logs[number] if number < len(scene.logs) else None
-    values, rig, log = scene.values(entry), scene.rig_for(entry) if entry else scene.rig, LogResult()
+    entry, log, values = scene.logs[number] if number < len(scene.logs) else None, LogResult(), dict[str, float]()
     if result is not None:
         number = min(number, len(result.logs) - 1)
         log, pair = result.logs[number], pair_of(result, scene, number)
         if pair.refusal or not pair.values:
             raise PageError(pair.refusal or "this fit has no values; correct the fit first")
-        values = values | {name: value for name, value in pair.values.items() if name in values}
-    drive = log.drive_speed_m_per_s or rig.drive_speed
-    speeds = [abs(v) for _, v in drive if v] if isinstance(drive, tuple) else [abs(drive)] if drive else []
-    load = log.normal_force_N or rig.normal_force
-    if not speeds or not load:
-        missing = SPEED if not speeds else LOAD
-        raise PageError(
-            f"the scene states no {missing.replace('_', ' ')}, which a fit that has converged takes from the logs; map "
-            f"such a fit, or give under [rig]: {missing} = {EXAMPLES[missing]}"
-        )
-    area = scene.contact.area_at(load)
-    return Site(scene.model, values, speeds[0], load, area, scene.contact.exponent or 0.0)
+        values = dict(pair.values)
+    return site_of(scenes_at(scene, entry, log, values)[0])
 
 
 def axes_of(site: Site) -> list[Document]:

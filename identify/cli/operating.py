@@ -10,19 +10,18 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from data_io import read_log
 from identify.base.document import Json, to_dict
+from identify.base.errors import SceneError
 from identify.base.result import LogResult, Result
 from identify.base.wording import wrapped
 from identify.cli.arguments import file_to_write, pairs, picture
 from identify.cli.common import Answer, CommandLineError, Terminal
 from identify.diagnosis.effect_choice import choose_from_numbers
-from identify.logs.scene_records import unused
 from identify.prediction import maps, sources
 from identify.prediction.axes import Site, axis, known_axes
 from identify.prediction.draws import OperatingPoint
 from identify.prediction.orbit import check_calculable
-from identify.prediction.predict import NoAnswer, PointPrediction, predict, predictions
+from identify.prediction.predict import NoAnswer, PointPrediction, predictions
 from identify.prediction.wording import ranges_text, shown
 from identify.report.report_wording import OUTCOMES
 from identify.report.stored_result import read_result, scene_of
@@ -89,20 +88,16 @@ def operating_points(arguments: Namespace) -> tuple[list[PairAtPoint], sources.T
     scene = whole.with_effects([n for n in effects if n not in arguments.without]) if arguments.without else whole
     check_calculable(scene.model)
     changes = _changes(arguments.at, scene)
-    points = points_of(scene, result, changes)
+    try:
+        points = points_of(scene, result, changes)
+    except SceneError as error:
+        raise CommandLineError(f"--at {' '.join(arguments.at)}: {error}" if changes else str(error)) from None
     known = _groups(points) or "one pair"
     for item in arguments.group:
         points = [p for p in points if item in [t for per, value in p.groups for t in (value, f"{per}={value}")]]
         if not points:
             raise CommandLineError(
                 f"--group names {item!r}; the logs are of {known}: name one of these, or leave it out"
-            )
-    for values in (point.site.values for point in points if changes):
-        static, slow, change = values["mu_s"], values["mu_k0"], values.get("delta_mu_k", 0.0)
-        if not slow + change > 0.0 or not slow < static:
-            raise CommandLineError(
-                f"mu_k0 is {slow:g} here, with mu_s {static:g} and delta_mu_k {change:g}; expected mu_k0 below mu_s, "
-                "and mu_k0 + delta_mu_k above 0: change --at"
             )
     same = len({(p.site.drive_speed, p.site.normal_force, p.groups, p.refusal) for p in points}) == 1
     if len(points) > 1 and ("drive_speed" in changes or same):
@@ -122,17 +117,12 @@ def _check_known(option: str, name: str, known: Collection[str]) -> None:
 
 def _changes(items: Sequence[str], scene: Scene) -> dict[str, float]:
     """ "drive_speed=1 mm/s" and the like as SI numbers by name."""
-    declared = {p.name: p for p in scene.model.parameters}
-    keys = POINT | {p.name: Key(p.unit) for p in declared.values()}
+    keys = POINT | {p.name: Key(p.unit) for p in scene.model.parameters}
     values = {}
     for name, text in pairs(items, "--at", 'drive_speed="1 mm/s"').items():
         _check_known("--at", name, keys)
         values[name] = quantity(text, keys[name].unit, f"--at {name}")
         check(f"--at {name}", keys[name], values[name])
-        p = declared.get(name)
-        if p and not p.lower <= values[name] <= p.upper:
-            admitted = f"{p.lower:g} to {p.upper:g} {p.unit}".rstrip()
-            raise CommandLineError(f"--at {name} is {values[name]:g}; the model admits {admitted}: move it there")
     return values
 
 
@@ -146,39 +136,22 @@ def points_of(scene: Scene, result: Result | None, changes: Mapping[str, float] 
         places += [(log_entry, place) for place in sorted(first.values())]
     declared, points = scene.model.parameter_names, []
     for entry, place in places:
-        rig = scene.rig_for(entry) if entry else scene.rig
         log = result.logs[place] if result and entry else LogResult()
         pair = sources.pair_of(result, scene, place) if result else sources.Pair()
-        names, covariance = pair.names, pair.covariance
-        values = scene.values(entry) | {n: v for n, v in (*pair.values.items(), *changes.items()) if n in declared}
-        drive = changes.get("drive_speed", rig.drive_speed)
-        speeds = [speed for _, speed in drive] if isinstance(drive, tuple) else [drive or 0.0]
-        moving = list(dict.fromkeys(abs(speed) for speed in speeds if speed))
-        if not moving:
-            raise CommandLineError('the scene gives no drive speed that moves; give one: --at drive_speed="1 mm/s"')
-        loads = (changes.get("normal_force"), log.normal_force_N, rig.normal_force)
-        load = next((float(force) for force in loads if force is not None), 0.0)
-        if not load and entry is None:
-            raise CommandLineError('the scene gives no normal force; give one: --at normal_force="1 N"')
-        if not load and entry is not None:
-            part = {"run": entry.run, "rate": entry.rate, "exclude": unused(entry)}
-            record = read_log(entry.path, entry.step, entry.units, entry.columns, **part)  # type: ignore[arg-type]
-            load = float(np.nanmedian(record.normal_force))
-        for speed in moving:
-            scene.check_ranges(None, speed, [load], values)
-            guessed = sources.assumed(scene, values, (*changes, *pair.values))
+        for site in map(sources.site_of, sources.scenes_at(scene, entry, log, {**pair.values, **changes})):
+            names, covariance = pair.names, pair.covariance
+            guessed = sources.assumed(scene, site.values, (*changes, *pair.values))
             if result is None:
-                known = sources.stated(scene, values, speed) or ((), np.zeros((0, 0)))
+                known = sources.stated(scene, site.values, site.drive_speed) or ((), np.zeros((0, 0)))
                 variances = np.append(np.diag(known[1]), np.square(list(guessed.values())))
                 names, covariance = (*known[0], *guessed), np.diag(variances) if variances.size else None
             measured = tuple(n for n in declared if n in names and result is not None and n not in changes)
             kept = [i for i, n in enumerate(names) if n not in changes and (n in declared or n in POINT)]
             elsewhere = tuple(n for n in declared if n not in measured and n not in guessed)
-            area, exponent = scene.contact.area_at(load), scene.contact.exponent or 0.0
             points.append(
                 PairAtPoint(
                     name=entry.path.name if entry else "the rig of the scene",
-                    site=Site(scene.model, values, speed, load, area, exponent),
+                    site=site,
                     covariance=covariance[np.ix_(kept, kept)] if covariance is not None and kept else None,
                     names=tuple(names[i] for i in kept),
                     groups=pair.groups,
@@ -257,9 +230,6 @@ def answers(arguments: Namespace, terminal: Terminal) -> Answer:
 
 def _predictions(points: Sequence[PairAtPoint]) -> list[PointPrediction | NoAnswer]:
     """The answers at each point; points of one pair share what they have in common."""
-    if len(points) == 1 and not points[0].refusal:
-        p, site = points[0], points[0].site
-        return [predict(site.model, site.values, site.drive_speed, site.normal_force, p.covariance, p.names)]
     answered: dict[int, PointPrediction | NoAnswer] = {}
     for groups in {p.groups for p in points}:
         mine = {i: p for i, p in enumerate(points) if p.groups == groups}

@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.result import Correlation, Result
+from data_io import read_log
+from identify.base.errors import SceneError
+from identify.base.result import Correlation, LogResult, Result
+from identify.logs.scene_records import unused
+from identify.model.model import RIG_PARAMETERS
+from identify.prediction.axes import Site
 from identify.prediction.wording import listed, shown
-from identify.scene import Scene
+from identify.scene import LogEntry, Scene
+from identify.scene.parameters import default_spec
 from identify.scene.values import EACH_LOG
+from identify.simulation.drive import Drive
 
 Array = NDArray[np.float64]
 
@@ -73,6 +80,46 @@ def existing_result(scene: Scene) -> Path | None:
         return None
     path = scene.source.parent / f"stickslip-{scene.name}" / "result.json"
     return path if path.is_file() else None
+
+
+# The operating points of a log.
+
+
+def scenes_at(scene: Scene, entry: LogEntry | None, log: LogResult, given: Mapping[str, float]) -> list[Scene]:
+    """The scenes of a log's operating points, one for each speed of its drive: no logs, every parameter fixed at its
+    value, drive speed and normal force under [rig].
+
+    Args:
+        entry: the log; None for the rig of the scene. log: what a result says of it, empty where there is none.
+        given: parameters, drive_speed and normal_force [SI] in place of those of the scene.
+
+    Raises:
+        SceneError: values that no pair has, or nothing states the drive speed or the normal force.
+    """
+    rig, values = scene.rig_for(entry) if entry else scene.rig, {**scene.values(entry), **given}
+    drive = given.get("drive_speed", rig.drive_speed or log.drive_speed_m_per_s or 0.0)
+    loads = (given.get("normal_force"), log.normal_force_N, rig.normal_force)
+    load = next((float(force) for force in loads if force is not None), None)
+    speeds = dict.fromkeys(abs(speed) for speed in Drive.of(drive).speeds if speed)
+    if load is None and entry is not None and speeds:
+        part = {"run": entry.run, "rate": entry.rate, "exclude": unused(entry)}
+        record = read_log(entry.path, entry.step, entry.units, entry.columns, **part)  # type: ignore[arg-type]
+        load = float(np.nanmedian(record.normal_force))
+    for what, known, at in (("drive speed that moves", speeds, "drive_speed"), ("normal force", load, "normal_force")):
+        if not known:
+            raise SceneError(f"the scene states no {what}; give {at} under [rig] or at the operating point")
+    fixed = {p.name: replace(default_spec(p), fixed=values[p.name]) for p in scene.declared if p.kind != "rig"}
+    mass, stiffness, damping = (values.get(name, getattr(rig, name)) for name in RIG_PARAMETERS)
+    rig = replace(rig, mass=mass, stiffness=stiffness, damping=damping, normal_force=load)
+    return [replace(scene, rig=replace(rig, drive_speed=speed), parameters=fixed, logs=()) for speed in speeds]
+
+
+def site_of(scene: Scene) -> Site:
+    """The operating point that one of `scenes_at` states."""
+    load, speed = scene.rig.normal_force, scene.rig.drive_speed
+    assert load is not None and isinstance(speed, float)
+    area, exponent = scene.contact.area_at(load), scene.contact.exponent or 0.0
+    return Site(scene.model, scene.values(), speed, load, area, exponent)
 
 
 # Whose values hold for a log of a finished fit: those of its own group where parameters differ from group to group.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,7 +18,7 @@ from identify.base.result import Result
 from identify.base.wording import wrapped
 from identify.prediction.draws import Draws
 from identify.prediction.predict import PointPrediction, predict
-from identify.prediction.sources import pair_of
+from identify.prediction.sources import pair_of, scenes_at, site_of
 from identify.prediction.windows import QUANTILES
 from identify.report.report_page import first_screen
 from identify.report.report_tables import classical_table, summary
@@ -26,7 +26,6 @@ from identify.report.report_wording import plain_symbol
 from identify.report.stored_result import plain, read_curves, read_document, scene_of, write_report
 from identify.report.style import FITTED, MEASURED, QUIET, RESIDUAL, SHADE, axes_of, drawing_style
 from identify.scene import Scene
-from identify.scene.parameters import default_spec
 from identify.scene.tables import quantity
 from identify.simulation.simulate import simulate
 from identify.simulation.trajectory import Trajectory
@@ -304,12 +303,10 @@ class Fit:
             FitError: the fit has no values. SimulationError: no answer there.
         """
         scene = self.scene(log)
-        speed = scene.rig.drive_speed if drive_speed is None else quantity(drive_speed, "m/s", "drive_speed")
-        load = scene.rig.normal_force if normal_force is None else quantity(normal_force, "N", "normal_force")
-        if not isinstance(speed, float) or load is None:
-            raise FitError(f"log {log} has no single drive speed or normal force; give drive_speed and normal_force")
-        pair = pair_of(self.typed, scene, log - 1)
-        return Prediction(predict(scene.model, scene.values(), speed, load, pair.covariance, pair.names))
+        site, pair = site_of(scene), pair_of(self.typed, scene, log - 1)
+        speed = site.drive_speed if drive_speed is None else quantity(drive_speed, "m/s", "drive_speed")
+        load = site.normal_force if normal_force is None else quantity(normal_force, "N", "normal_force")
+        return Prediction(predict(site.model, site.values, speed, load, pair.covariance, pair.names))
 
     def simulate(
         self,
@@ -342,18 +339,9 @@ class Fit:
                 pair.refusal or f"this fit has no value of {', '.join(missing)}; fix it in the scene and fit again"
             )
         document, entry = result.logs[log - 1], scene.logs[result.numbers[log - 1]]
-        values = {**scene.values(entry), **pair.values}
-        rig, speed, load = scene.rig_for(entry), document.drive_speed_m_per_s, document.normal_force_N
-        rig = replace(
-            rig,
-            drive_speed=rig.drive_speed if speed is None else speed,
-            normal_force=rig.normal_force if load is None else load,
-            mass=values.get("mass", rig.mass),
-            stiffness=values.get("stiffness", rig.stiffness),
-            damping=values.get("damping", rig.damping),
-        )
-        specs = {p.name: replace(default_spec(p), fixed=values[p.name]) for p in scene.declared if p.kind != "rig"}
-        return replace(scene, rig=rig, parameters=specs, logs=())
+        speed = document.drive_speed_m_per_s
+        given = pair.values if speed is None else {**pair.values, "drive_speed": speed}
+        return scenes_at(scene, entry, document, given)[0]
 
     def save(self, folder: str | Path) -> Path:
         """Write report.html, result.json, classical.csv, result.h5 and figures/ into a folder, made where needed.

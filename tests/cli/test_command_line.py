@@ -32,9 +32,9 @@ NO_RESULT = {"schema": 1, "status": "converged", "parameters": {}, "logs": [], "
         (["stability", "--scene", examples.SCENE, "--at", "stifness=3"], "'stiffness'"),
         (["stability", "--result", "none.json"], "no such file"),
         (["inspect", examples.FOLDER / "1_mm_per_s.txt.gz", "--run", "3"], "run 3 was asked for"),
-        (["stability", "--scene", examples.SCENE, "--at", "mass=-1 kg"], "--at mass is -1"),
+        (["stability", "--scene", examples.SCENE, "--at", "mass=-1 kg"], "--at mass=-1 kg: mass is -1 kg"),
         (["stability", "--scene", examples.SCENE, "--at", "drive_speed=-1 mm/s"], "--at drive_speed is -0.001 m/s"),
-        (["amplitude", "--scene", examples.SCENE, "--at", "mu_k0=0.9"], "mu_k0 is 0.9 here"),
+        (["amplitude", "--scene", examples.SCENE, "--at", "mu_k0=0.9"], "--at mu_k0=0.9: mu_k0 = 0.9 is above mu_s"),
         (["amplitude", "--result", "."], "this is a folder"),
     ],
 )
