@@ -25,8 +25,6 @@ from numpy.typing import NDArray
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from data_io import Record
-from experiments.event_driven import Series
-from experiments.event_driven import simulate as by_events
 from experiments.machine import describe
 from experiments.reference_methods import LOW, MIDDLE
 from experiments.study_problem import DEMO, RIG, coefficients_only, recovery_case, scene_of
@@ -41,6 +39,7 @@ from identify.simulation.plan import Plan, Stepping, scales
 from identify.simulation.simulate import cost, run, simulate
 from identify.simulation.steppers import HIGH, STIFF, Method
 from identify.simulation.trajectory import Trajectory, distance
+from tests.support import oracle
 
 Array = NDArray[np.float64]
 
@@ -159,11 +158,11 @@ def simulations(scenes: Sequence[Scene], asked: Sequence[float], repeats: int) -
         period = scene.duration / truth.onsets.size
         usual = []
         if scene.effects == MAIN:
-            log = Series(np.array([0.0, scene.duration]), scene.drive_speed, 1.0)
             for rtol in TOLERANCES:
-                (_, times), seconds = timed(partial(by_events, scene.values, log, rtol), 1)
-                if times.size == truth.onsets.size:
-                    usual.append((float(np.max(np.abs(times - truth.onsets))) / period, seconds))
+                asked_for = (scene.values, scene.drive_speed, 1.0, scene.duration)
+                events, seconds = timed(partial(oracle.simulate, *asked_for, rtol=rtol), 1)
+                if events.onsets.size == truth.onsets.size:
+                    usual.append((float(np.max(np.abs(events.onsets - truth.onsets))) / period, seconds))
         for accuracy in asked:
             motion, seconds = timed(partial(scene.run, accuracy), repeats)
             estimate, error = motion.achieved.switches, distance(motion, truth).switches
