@@ -3,12 +3,8 @@
 import numpy as np
 import pytest
 
-from experiments.treated_logs import specimens
-from identify import Scene, fit
 from identify.diagnosis.score_test import Column, Score, ScoreTable
 from identify.diagnosis.specimens import log_effects
-
-NUMBER = 3  # three specimens that differ by 4 %
 
 
 def one_way(means, error):
@@ -37,22 +33,3 @@ def test_the_scatter_is_that_of_restricted_likelihood():
 def test_a_scatter_is_no_less_than_what_is_usual():
     found = log_effects(one_way(np.array([1e-3, -1e-3, 0.0]), 0.01), np.zeros(3), 0.02, 1.0, estimated=True)
     assert found.sd == pytest.approx(0.02)
-
-
-@pytest.mark.slow
-def test_of_specimens_that_differ_the_intervals_hold_what_is_common_to_all():
-    scene, records, truth = specimens(NUMBER)
-    found = fit(scene, records).typed
-    assert found.converged and "differs from log to log by 3.8 %" in found.message
-    assert found.tolerances["specimen"].source == "estimated"
-    outside = [n for n, v in truth.items() if not found.parameters[n].ends[0] <= v <= found.parameters[n].ends[1]]
-    assert outside == []
-
-
-@pytest.mark.slow
-def test_logs_that_are_said_to_be_of_one_specimen_are_refused_and_so_is_a_wrong_rig():
-    """Negative controls: nothing is put down to scatter that the scene rules out, or that all logs have in common."""
-    scene, records, _ = specimens(NUMBER)
-    document = scene.as_document()
-    one = fit(Scene.from_document(document | {"tolerances": {"specimen": 0}}), records).typed
-    assert not one.converged and "3_mm_per_s.csv" in one.message

@@ -6,44 +6,16 @@ import json
 from itertools import pairwise
 
 import numpy as np
-import pytest
 
-from identify import Asked, examples, fit
+from identify import examples
 from identify.cli import main as cli
 from identify.estimation.covariance import information_at
 from identify.estimation.profile import converged
-from identify.scene import Scene
 from identify.shooting.accuracy import COARSE, DEFAULT, TIGHT, accuracy_costs
-from tests.support.document_check import check_document
 from tests.support.two_logs import scene as two_logs
 from tests.support.two_logs import searched
 
 LOGS = ["1_mm_per_s.txt.gz", "0.1_mm_per_s.txt.gz"]
-
-
-def asked_for(**asked):
-    """The document of a fit of two example logs with this asked for."""
-    return check_document(fit(Scene.from_toml(examples.SCENE).choose(LOGS), asked=Asked(**asked)).result)
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("no_predictions")
-def test_profile_intervals_agree_with_the_covariance_where_the_data_tell_much():
-    document = asked_for(profile=True)
-    profile = document["profile"]
-    assert profile["limit"] == pytest.approx(3.8415, abs=1e-4)
-    assert set(profile["parameters"]) == {"mu_s", "mu_k0", "delta_mu_k", "a", "D", "t_cr"}
-    for name, curve in profile["parameters"].items():
-        entry = document["parameters"][name]
-        assert entry.get("interval_rig_exact", entry["interval"]) == pytest.approx(curve["interval"])
-        values, loss = np.array(curve["values"]), np.array(curve["loss"])
-        assert np.all(np.diff(values) > 0) and values.size >= 7
-        assert np.min(loss) == pytest.approx(0.0, abs=1e-6) and loss[0] > 3.5 and loss[-1] > 3.5
-        # The ends are where the loss reaches its limit: by the curve itself, in between its points.
-        root = np.sqrt(loss) * np.sign(values - entry["value"])
-        ends = np.interp([-np.sqrt(3.8415), np.sqrt(3.8415)], root, values)
-        half = 0.5 * (curve["interval"][1] - curve["interval"][0])
-        assert curve["interval"] == pytest.approx(ends, abs=0.05 * half)
 
 
 def test_what_the_steps_of_a_level_leave_is_foretold():

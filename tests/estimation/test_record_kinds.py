@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from experiments.record_kinds import DEMO, HOLDS, KINDS, MILD, RIG, STIFF, STROKES, Kind
-from identify import fit
 from identify.base.outcome import Status
 from identify.effects import MAIN
 from identify.estimation import search
@@ -33,12 +32,6 @@ def _prepared(kind, seed=1):
     scene, records = kind.made(seed)
     unknowns = from_scene(scene)
     return [prepare(scene, e, r, unknowns) for e, r in zip(scene.logs, records, strict=True)], unknowns
-
-
-def _off(result, truth):
-    """Largest error of what has an interval, in standard errors."""
-    told = {n: p for n, p in result["parameters"].items() if p["standard_error"] is not None}
-    return max(abs(p["value"] - truth[n]) / p["standard_error"] for n, p in told.items()), len(told)
 
 
 def test_steady_sliding_is_the_closed_form_and_fades_where_it_is_stable():
@@ -76,8 +69,7 @@ def test_a_course_at_the_truth_joins_up_and_fits(log, pair, rig):
     assert 2 * problem.evaluate(problem.start, derivatives=False).cost > 3 * problem.samples
 
 
-@pytest.mark.slow
-def test_strokes_become_logs_with_their_sign_and_rests_are_left_out():
+def test_strokes_become_logs_and_rests_are_left_out():
     scene, records = _kind(STROKES).made(1)
     cut, copies = parted(scene, records)
     half = np.pi * np.sqrt(RIG["mass"] / RIG["stiffness"])  # a slip may go on so long after a turn without a rest
@@ -87,10 +79,6 @@ def test_strokes_become_logs_with_their_sign_and_rests_are_left_out():
     assert name_of(cut.logs[1]) == "log_1.csv, stroke 2 back"
     assert parts_of(scene, cut.logs) == [1, 1, 1, 1] and parts_of(scene, scene.logs) == [None]
     assert parted(cut, copies) == (cut, copies), "what goes one way is left alone"
-    result = fit(scene, records).result
-    assert result["status"] == "converged", result["message"]
-    assert [log["friction_sign"] for log in result["logs"]] == [1, -1, 1, -1]
-    assert _off(result, DEMO)[0] < 4.0
 
 
 def test_an_excluded_slip_parts_a_log_and_a_stick_does_not():

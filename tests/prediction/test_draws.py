@@ -12,7 +12,6 @@ import pytest
 sys.path.append(str(Path(__file__).parents[2] / "experiments"))
 
 import run_skew_study as study
-from brute_force import Lanes
 
 from identify import Scene
 from identify.base.document import to_dict
@@ -36,31 +35,6 @@ def known_to(pair, share, names=study.NAMES):
 
 def asked(speed, covariance=None, names=NAMES, /, draws=50, **changes):
     return to_dict(predict(MODEL, DEMO | changes, speed, 1.0, covariance, names, draws))
-
-
-@pytest.mark.parametrize(
-    "change",
-    [
-        {},
-        pytest.param({"stiffness": 900.0, "damping": 120.0, "mu_k0": 0.46}, marks=pytest.mark.slow),
-    ],
-)
-def test_skew_intervals_are_those_of_an_independent_monte_carlo(change):
-    """Just below the end the drop follows what is left to it like its root."""
-    pair = PAIR | change
-    end = to_dict(predict(MODEL, pair, 1e-3, pair["normal_force"]))["stability"]["critical_speed"]["value"]
-    speed, covariance = 0.97 * end, known_to(pair, 0.06)
-    document = to_dict(predict(MODEL, pair, speed, pair["normal_force"], covariance, study.NAMES))
-    scene = study.Case(pair, speed, covariance, document)
-    drawn = study.drawn(scene, 80, np.random.default_rng(2))
-    sticks, course = study.begun(Lanes.of(drawn, np.full(len(drawn), speed)), 6)
-    for name, values in (("drop", course.drop), ("period", course.period)):
-        _, (low, high) = scene.interval(name)
-        # 80 draws show a share of 95 % to 2.4 %; the ends are quantiles of 400.
-        assert 0.88 <= np.mean((values[sticks] >= low) & (values[sticks] <= high)) <= 0.998
-    # Negative control: a straight line has other ends.
-    value, (low, high) = document["amplitude"]["drop"]["value"], scene.interval("drop")[1]
-    assert not 0.8 < (high / value - 1.0) / (1.0 - low / value) < 1.25
 
 
 @pytest.mark.slow

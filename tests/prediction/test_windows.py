@@ -111,12 +111,6 @@ def test_sliding_that_is_unstable_between_two_nodes_only_is_seen():
     assert high < 1.2 * low and np.array_equal(grows, (low < speeds) & (speeds < high))
 
 
-@pytest.mark.slow
-def test_the_study_of_random_pairs_agrees_with_simulation(capsys):
-    assert study.main(fast=True) == 1.0
-    assert "contradict themselves: 0" in capsys.readouterr().out
-
-
 def test_the_reader_of_contradictions_sees_them():
     """Negative control."""
     document = ask(WINDOW, 0.9e-3)

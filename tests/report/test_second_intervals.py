@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identify import Scene, examples, fit
+from identify import Scene, examples
 from identify.estimation.covariance import added_by_tolerances, standard_deviations
 from identify.estimation.search import SearchProblem, search
 from identify.identification import find
@@ -87,17 +87,6 @@ def test_a_zero_of_the_friction_force_shifts_both_coefficients_as_a_fit_of_shift
         assert shift[name] == pytest.approx(0.01, rel=1e-3)
         assert moved[names.index(name)] == pytest.approx(shift[name], rel=close)
     assert max(shift[name] for name in ("D", "t_cr", "a")) < 1e-5
-
-
-@pytest.mark.slow
-def test_specimens_may_differ_where_each_speed_stands_in_one_log():
-    """A difference of specimens counts as one of speed: intervals hold a usual one, unless there is said to be none."""
-    usual, one = fit(of_logs()).typed, fit(of_logs("tolerances.specimen=0")).typed
-    assert any("Each drive speed stands in one log" in note for note in usual.notes)
-    width = {n: [np.diff(r.parameters[n].ends)[0] for r in (usual, one)] for n in NAMES}
-    assert all(wide > 1.02 * narrow for wide, narrow in width.values())
-    mu_s = usual.parameters["mu_s"]
-    assert width["mu_s"][0] > 2 * 1.96 * 0.02 * mu_s.value / np.sqrt(2.0)  # two logs tell the mean of two specimens
 
 
 def test_the_verdict_is_of_the_interval_to_publish(found):

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from experiments.measured_records import FILES, RECORDS, part, sticks_in
+from experiments.measured_records import RECORDS, sticks_in
 from experiments.measured_records import scene_of as measured_scene
 from experiments.study_problem import DEMO, scene_of, simulated_case
 from identify import fit
 from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
-from identify.uneven.answer import UnevenEstimator, why_withheld
-from identify.uneven.estimator import LAW_ERROR, mass_of, maximise, pooled_mass
+from identify.uneven.answer import UnevenEstimator
+from identify.uneven.estimator import LAW_ERROR, maximise
 from identify.uneven.slip_functions import THETA
 
 pytestmark = pytest.mark.usefixtures("shared_machine_code")
@@ -37,30 +37,6 @@ def test_the_estimate_is_near_that_of_another_implementation(name, strength, mas
     for row, other, more in zip(np.eye(len(THETA))[places], (strength, 0.0307 * mass), (0.0, LAW_ERROR), strict=True):
         low, high = np.exp(maximum.interval(row, more))
         assert low < other < high < 6.0 * low
-
-
-@measured
-@pytest.mark.slow
-def test_a_record_that_hides_the_weakening_still_tells_the_mass():
-    """Ringing of the same rig: 17 to 22.4 g."""
-    sticks = part(sticks_in("k1002_v4300", RECORDS), np.arange(48))
-    maximum = maximise([sticks])
-    mass = mass_of(maximum, sticks.rig.error)
-    assert mass.lower < 0.017 < 0.0224 < mass.upper < 3.5 * mass.lower
-    assert "not identifiable" in why_withheld(maximum, [sticks])
-
-
-@measured
-@pytest.mark.slow
-def test_one_slider_has_one_mass_whatever_the_scene_states():
-    """Its ringing says 17 to 22.4 g (docs/validation.md)."""
-    records = [sticks_in(name, mass=mass, zeta=zeta) for name in FILES for mass, zeta in ((0.010, 0.2), (0.030, 0.01))]
-    maxima = [maximise([sticks]) for sticks in records]
-    together = pooled_mass(records[::2], maxima[::2])
-    assert together.scatter[2] > 0.01 and together.lower < 0.0197 < together.upper
-    for light, heavy, sticks in zip(maxima[::2], maxima[1::2], records[::2], strict=True):
-        one, other = (mass_of(maximum, sticks.rig.error) for maximum in (light, heavy))
-        assert other.value == pytest.approx(one.value, rel=0.1) and one.upper > 2.0 * one.lower
 
 
 def test_cycles_that_are_alike_show_no_scatter():

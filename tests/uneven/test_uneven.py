@@ -8,7 +8,6 @@ import pytest
 from scipy import stats
 from scipy.integrate import solve_ivp
 
-from experiments import run_uneven_prediction
 from experiments.uneven_records import STIFF, prepared, scene_of, simulated, truth_of
 from identify import fit
 from identify.base.budget import time_limit
@@ -261,11 +260,6 @@ def test_records_of_two_speeds_and_loads_share_strength_and_mass(tracks, maxima)
     assert np.abs(error / sd)[told].max() < 3.0
     creep = PARAMETERS.index("t_cr")
     assert sd[creep] < 0.25 < np.sqrt(found.covariance[creep, creep]), "two speeds tell the creep time, one does not"
-
-
-@pytest.mark.slow
-def test_the_study_of_other_cycles_predicts_drop_and_period():
-    assert run_uneven_prediction.main(fast=True) == pytest.approx([1.0, 1.0], abs=run_uneven_prediction.NEAR)
 
 
 @pytest.mark.parametrize(
