@@ -100,7 +100,8 @@ class CycleSensitivity:
             rates.append(stepped(model, slide, slide.x, np.zeros(slide.t.size))[1])
             seconds.append(0.5 * (np.append(0.0, steps) + np.append(steps, 0.0)))
         x = np.concatenate(states)
-        load = load_slopes(model)([x, np.tile(w, (len(x), 1))])[0]
+        ends = zip((False, True), np.split(x, [times.size]), strict=True)  # of the stick, of the slip
+        load = np.concatenate([load_slopes(model, slides=s)([q, np.tile(w, (len(q), 1))])[0] for s, q in ends])
         slopes = np.einsum("rx,rxm->rm", load[:, 1 : n + 1], np.concatenate(moved))
         slopes[:, -w.size :] += load[:, n + 1 :]
         force_rates = np.sum(load[:, 1 : n + 1] * np.concatenate(rates), axis=1)

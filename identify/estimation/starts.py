@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from identify.base.budget import stage
 from identify.estimation.attempt import HORIZONS, place_on
-from identify.logs.prepare import Prepared, beginning
+from identify.logs.prepare import Prepared, at_drive, beginning
 from identify.logs.unknowns import Unknowns
 from identify.logs.vibration import quieted
 from identify.shooting.layout import COARSE_GRID
@@ -94,7 +94,7 @@ def _by_motion(prepared: list[Prepared], unknowns: Unknowns, tried: Iterable[Arr
 def features_of(prepared: Sequence[Prepared]) -> tuple[list[Features], list[Array]]:
     """What the logs show of repeating cycles, with the base values (n_p,) of the log of each."""
     cycling = [log for log in prepared if log.fit_mode.name == "cycles"]
-    each = [(extract(log.data, log.slip_times, log.rig.half_period), log.data.base) for log in cycling]
+    each = [(extract(at_drive(log), log.slip_times, log.rig.half_period), log.data.base) for log in cycling]
     shown = [(features, base) for features, base in each if features is not None]
     return [features for features, _ in shown], [base for _, base in shown]
 

@@ -18,7 +18,7 @@ from data_io.record import zero_of_times
 from identify.base.errors import FitError
 from identify.logs.judgement import ENDS_LOADING, RECORD_LONGER, Judgement, RecordPart, judge
 from identify.logs.log_data import LoadSpline, LogData, level, smooth, swing
-from identify.logs.noise import line_slope, running_means, slope_error
+from identify.logs.noise import bridged, line_slope, running_means, slope_error, uneven
 from identify.logs.recorded_drive import changes_speed, turns_of_sign
 from identify.logs.regime import (
     SURE,
@@ -31,7 +31,16 @@ from identify.logs.regime import (
     hidden_rhythm,
     of_strokes,
 )
-from identify.logs.segment import FEW_SLIPS, FEWEST, SLIDING, STICK, Segmentation, segment
+from identify.logs.segment import (
+    FEW_SLIPS,
+    FEWEST,
+    SLIDING,
+    STICK,
+    Segmentation,
+    drive_force,
+    noise_outside_slips,
+    segment,
+)
 from identify.logs.unknowns import Unknowns
 from identify.scene import Scene
 from identify.scene.values import EACH_LOG, LogEntry, Rig
@@ -131,6 +140,8 @@ def segmented(entry: LogEntry, record: Record, rig: Rig, *, elastic: bool = True
     force = -force if sign < 0 else force
     inner = slice(int(np.argmax(used)), used.size - int(np.argmax(used[::-1])))
     time, measured = record.time[inner], shown(force, used)[inner]
+    plate = rig.force_sensor == "counterface"
+    friction, measured = measured, _drive_force(rig, time, measured)
     known = Known(rig.stiffness if elastic else 0.0, max(drive.speeds), rig.half_period or 0.0)
     if not drive.constant:
         verdict = _verdict_on_programme(time, measured, rig, drive, known)
@@ -139,10 +150,19 @@ def segmented(entry: LogEntry, record: Record, rig: Rig, *, elastic: bool = True
     phases = verdict.phases
     if phases.low_snr:  # half lost in the noise: those that the period of the rig shows; the model fills in the others
         phases = segment(time, measured, half_period=rig.half_period or None, noise=rig.noise)
+    if plate:  # the noise is that of the friction, not of what a load cell would show of it
+        clean = bridged(friction, ~np.isfinite(measured))
+        stamps = time if uneven(time) else None  # in fast logs the mass slides through half of what rises
+        phases = replace(phases, noise=noise_outside_slips(clean, phases.phase, stamps, inner=0.3))
     counted = used.copy()
     counted[inner] &= ~phases.spikes
     noise = rig.noise or phases.noise
     return Segmented(entry, rig, drive, corrected, sign, force, used, counted, time, measured, phases, noise, verdict)
+
+
+def _drive_force(rig: Rig, time: Array, force: Array) -> Array:
+    """A measured force (n,) [N] as a load cell at the drive shows it."""
+    return force if rig.force_sensor == "drive" else drive_force(time, force, rig.natural_frequency, rig.zeta)
 
 
 def _drive(rig: Rig, entry: LogEntry, record: Record) -> Drive:
@@ -571,6 +591,7 @@ def _pieces(log: Prepared, whole: Segmented, stiffness: float) -> tuple[Prepared
     for start, stop, speed in moving_pieces(data.programme or Drive((0.0,), (data.drive_speed,)), data.begin, data.end):
         rows = slice(*np.searchsorted(data.time, [start, stop]))
         time, force = data.time[rows], np.where(data.weight[rows] > 0, data.force[rows], np.nan)
+        force = _drive_force(whole.rig, time, force)
         verdict = classify(time, force, Known(stiffness, speed, half_period), noise=whole.noise)
         phases = verdict.phases
         if phases.low_snr:
@@ -623,6 +644,12 @@ def _left_out(fit_mode: FitMode, log: Segmented, judgement: Judgement) -> str | 
 
 
 # Parts of a prepared log.
+
+
+def at_drive(log: Prepared) -> LogData:
+    """The data of a log with the force that a load cell at the drive shows; where it was measured there, its own."""
+    seen = _drive_force(log.rig, log.data.time, log.data.force)
+    return log.data if seen is log.data.force else replace(log.data, force=bridged(seen, ~np.isfinite(seen)))
 
 
 def settled_part(prepared: Prepared) -> Prepared | None:

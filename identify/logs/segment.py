@@ -37,6 +37,8 @@ LEAST_RISE = 0.5  # of what a stick would rise: an interval with less contains s
 FADED = (0.85, 0.94)  # drop and steepness of the last swing against the first, where swings settle
 LOADING_RISE = 1.3  # times the typical drop: a first rise above that is loading from rest
 LINE_BLOCKS = ((24, 3), (12, 2), (8, 2))  # samples, and degree of its line: a rise between fast slips is bent
+SAME_FORCE = 4.0  # standard deviations by which two forces differ by chance
+RESOLVED = 0.5  # of a natural period over 2 pi, that samples may lie apart to show what a resonance does
 LONGER, MOST_LONGER = 1.015, 4.0  # times the noise in blocks twice as long: noise with a memory, and no noise any more
 
 
@@ -210,12 +212,9 @@ def segment(
     if not judged.slips.any():
         knee = _loading_knee(trace)
         loading = trace.slope(0, knee) if knee else None
-    if noise is None:
-        # What lies between slips lost in the noise holds others; never less than the rounding of the file.
-        edges = [0, *(np.flatnonzero(np.diff(phase)) + 1).tolist(), int(phase.size)]
-        rests = [(first, end) for first, end in pairwise(edges) if phase[first] != SLIP]
-        about_lines = None if low_snr else noise_on_lines(clean, rests, stamps)
-        noise = max(about_lines or white, grid_step(kept(force, ~holes)[: 1 << 15]) / sqrt(12.0))
+    if noise is None:  # what lies between slips lost in the noise holds others
+        noise = noise_outside_slips(clean, phase[:0] if low_snr else phase, stamps)
+        noise = max(noise, grid_step(kept(force, ~holes)[: 1 << 15]) / sqrt(12.0))  # never less than its rounding
     return Segmentation(
         cycles=cycles,
         noise=noise,
@@ -511,6 +510,46 @@ def _level(force: Array, start: int, stop: int, at: int) -> float:
     """Force at sample `at` from a parabola (a line where one side is short) through samples start to stop [N]."""
     f, x = force[start : stop + 1], np.arange(start, stop + 1) - at
     return float(np.polyfit(x, f, 2 if min(-x[0], x[-1]) >= 3 else 1)[-1]) if f.size >= 4 else float(force[at])
+
+
+def noise_outside_slips(force: Array, phase: Phase, time: Array | None = None, *, inner: float = 0.0) -> float:
+    """Sd of the noise [N] of a finite force (n,), about lines through what is no slip; its white part where there are
+    too few of these. phase: (n,), or empty where it is not known; time: as in `noise_on_lines`; inner: share of each
+    stretch that is left out at either end."""
+    edges = [0, *(np.flatnonzero(np.diff(phase)) + 1).tolist(), int(phase.size)]
+    runs = [(first, end, int(inner * (end - first))) for first, end in pairwise(edges) if first < end]
+    rests = [(first + less, end - less) for first, end, less in runs if phase[first] != SLIP]
+    return noise_on_lines(force, rests, time) or white_noise(force, time)
+
+
+def drive_force(time: Array, force: Array, frequency: float, zeta: float) -> Array:
+    """The force [N] (n,) that a load cell at the drive would show where a plate under the counterface shows this one.
+
+    The rig is a mass on a spring and damper with this friction on it, m x'' = pull - friction, so that the pull is the
+    friction through its resonance: (c s + k)/(m s^2 + c s + k), exact for a force that is linear between samples. Where
+    both agree within the noise nothing accelerates the mass, and the force stands as it is, or that resonance would
+    ring with the noise through every stick. NaN where the force is, and at its spikes; the force itself where its
+    samples do not resolve that resonance.
+
+    Args:
+        frequency: natural frequency of the rig [rad/s]; zeta: its damping ratio.
+    """
+    from scipy.signal import cont2discrete, lfilter  # which take a third of a second to load
+
+    holes = ~np.isfinite(force)
+    interval = float(np.median(thinned_steps(time)))
+    if not frequency * interval < RESOLVED or holes.all():
+        return force
+    clean = bridged(force, holes)
+    noise = white_noise(clean)
+    holes = holes | spikes(clean, noise)
+    even = np.arange(time[0], time[-1] + 0.5 * interval, interval)
+    clean = np.interp(even, time[~holes], force[~holes])
+    numerator, denominator = [2.0 * zeta * frequency, frequency**2], [1.0, 2.0 * zeta * frequency, frequency**2]
+    above, below, _ = cont2discrete((numerator, denominator), interval, "foh")
+    out = np.interp(time, even, lfilter(above.ravel(), below, clean - clean[0]) + clean[0])
+    rings = noise * sqrt(1.0 + frequency * interval / (4.0 * max(zeta, 1e-3)))  # white noise, and what it makes ring
+    return np.where(holes, np.nan, np.where(np.abs(out - force) < SAME_FORCE * rings, force, out))
 
 
 def noise_on_lines(force: Array, sticks: Iterable[tuple[int, int]], time: Array | None = None) -> float | None:

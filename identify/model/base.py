@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from identify.effects.quantities import Parameter, State
 
 # What every model has: the spring of the rig and Coulomb friction.
@@ -18,3 +20,5 @@ FRICTION_PARAMETERS = ("mu_s", "mu_k0", "delta_mu_k", "a", "D", "t_cr")
 INPUTS = ("drive_speed", "normal_force", "direction", "time")
 ELONGATION, SPEED = 0, 1  # among the states
 TIME = 3  # among the inputs
+ForceSensorPlace = Literal["drive", "counterface"]
+FORCE_SENSORS: tuple[ForceSensorPlace, ...] = ("drive", "counterface")

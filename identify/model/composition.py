@@ -43,8 +43,9 @@ def _times_exp(value: Expression, log_factor: Expression) -> Expression:
 class Composition:
     """The symbols of one model and the sums of its ports; thrown away when the functions are made."""
 
-    def __init__(self, effects: Sequence[Effect]) -> None:
-        self.effects = effects
+    def __init__(self, effects: Sequence[Effect], counterface: bool = False) -> None:
+        """counterface: the force is measured under the counterface, else between drive and mass."""
+        self.effects, self.counterface = effects, counterface
         self.parameters, self.states = declared(effects)
         self.names = [s.name for s in self.states]
         self.inertial, self.speed_along = inertial(effects), ca.SX.sym("v")
@@ -148,14 +149,15 @@ class Composition:
         load, give = self.rig(state, self.speed(state))
         if self.series is not None:
             rates[self.series.state] = give
-        followed = load
+        friction = self.direction * self.friction(terms, 0.0)
+        followed = friction if self.counterface else load
         for lag in self.lags:
             rates[lag.state] = (followed - self.state(state, lag.state)) / lag.time
             followed = self.state(state, lag.state)
         rates["elongation"] = self.drive() - self.speed(self.x)
         if self.inertial:
             inertia = sum(term.inertia for term in terms)
-            rates["sliding_speed"] = (load - self.direction * self.friction(terms, 0.0)) / inertia
+            rates["sliding_speed"] = (load - friction) / inertia
         return ca.vertcat(*(rates.get(name, 0.0) for name in self.names))
 
     def shown(self, x: ca.SX, load: Expression) -> Expression:

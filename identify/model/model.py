@@ -26,6 +26,7 @@ from identify.model.base import (
     RIG_PARAMETERS,
     SPEED,
     TIME,
+    ForceSensorPlace,
 )
 from identify.model.composition import Composition
 
@@ -38,6 +39,7 @@ __all__ = [
     "RIG_PARAMETERS",
     "SPEED",
     "TIME",
+    "ForceSensorPlace",
     "Model",
     "assemble",
 ]
@@ -51,8 +53,8 @@ class Model:
     states; p (n_p,) in the order of `parameters`; u (4,) = drive speed [m/s], normal force [N],
     direction of sliding (+1 or -1), time since the start of the record [s].
 
-    Without the effect inertia there is no state sliding_speed: slip, worn, load and load_cell take the speed
-    along the direction of slip [m/s] as one more, last argument.
+    Without the effect inertia there is no state sliding_speed: slip, worn, load, load_cell and sliding_cell take the
+    speed along the direction of slip [m/s] as one more, last argument.
     """
 
     effects: tuple[str, ...]
@@ -66,7 +68,8 @@ class Model:
     driving_force: ca.Function  # (x, p, u) -> force that tries to move a mass at rest [N], signed
     grip: ca.Function  # (x, p, u) -> force a mass at rest withstands [N]
     load: ca.Function  # (x, p, u) -> force the rig puts on the mass [N]
-    load_cell: ca.Function  # (x, p, u) -> force the load cell shows [N]
+    load_cell: ca.Function  # (x, p, u) -> force the sensor shows while the mass rests [N]
+    sliding_cell: ca.Function  # (x, p, u) -> that while it slides: load_cell itself, or under the counterface friction
     at_stick: ca.Function  # (x, p, u) -> x at the start of a stick that follows a slip
     at_force: ca.Function  # (force, p, u) -> x at rest in which the load cell settles at this force [N]
     decays: ca.Function  # p -> rates [1/s] of what decays while the mass rests (series element, lags)
@@ -81,6 +84,7 @@ class Model:
     # NaN: it then says nothing
     follows_load: bool  # whether the course of the normal force counts, or only its mean
     inertial: bool  # whether the mass resists acceleration; without it nothing is simulated or fitted
+    force_sensor: ForceSensorPlace = "drive"  # between drive and mass, or under the counterface
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -135,18 +139,25 @@ def _quiet(effects: Sequence[Effect], m: Composition) -> tuple[tuple[str, float]
     return tuple(out.items())
 
 
-@lru_cache(maxsize=256)
-def assemble(names: tuple[str, ...]) -> Model:
+def assemble(names: tuple[str, ...], force_sensor: ForceSensorPlace = "drive") -> Model:
     """The model with exactly these effects.
 
     Args:
         names: effect names, in any order.
+        force_sensor: "drive", a load cell between drive and mass, which shows the force of the rig; or "counterface", a
+            plate under the counterface, which shows the friction force: the same at rest, and less what accelerates
+            the mass while it slides, so that it jumps where the mass comes to rest.
 
     Raises:
         SceneError: an unknown effect, or a composition that is refused, by name.
     """
-    effects = _choose(names)
-    m = Composition(effects)
+    return _assembled(names, force_sensor)
+
+
+@lru_cache(maxsize=256)
+def _assembled(names: tuple[str, ...], force_sensor: ForceSensorPlace) -> Model:
+    effects, plate = _choose(names), force_sensor == "counterface"
+    m = Composition(effects, plate)
     resting = m.ports(m.situation(m.x, at_rest=True))
     pull = m.rig(m.x, 0.0)[0]
     moved = m.rig(m.x, m.speed(m.x))[0]
@@ -160,6 +171,8 @@ def assemble(names: tuple[str, ...]) -> Model:
     def function(name: str, more: list[ca.SX], result: Expression) -> ca.Function:
         return ca.Function(name, [m.x, m.p, m.u, *more], [ca.densify(ca.SX(result))])
 
+    load_cell = function("load_cell", moving, m.shown(m.x, moved))
+    friction = m.direction * m.friction(m.ports(m.situation(m.x, at_rest=False)), 0.0)
     return Model(
         effects=tuple(e.name for e in effects),
         parameters=m.parameters,
@@ -172,7 +185,8 @@ def assemble(names: tuple[str, ...]) -> Model:
         driving_force=function("driving_force", [], pull),
         grip=function("grip", [], grip),
         load=function("load", moving, moved),
-        load_cell=function("load_cell", moving, m.shown(m.x, moved)),
+        load_cell=load_cell,
+        sliding_cell=function("sliding_cell", moving, m.shown(m.x, friction)) if plate else load_cell,
         at_stick=function("at_stick", [], jumped),
         at_force=ca.Function("at_force", [m.force, m.p, m.u], [ca.densify(chain.settled(m))]),
         decays=ca.Function("decays", [m.p], [ca.densify(ca.vertcat(*chain.decays(m)))]),
@@ -186,4 +200,5 @@ def assemble(names: tuple[str, ...]) -> Model:
         jumps=any(type(e).at_stick is not Effect.at_stick for e in effects),
         follows_load=any(e.follows_load for e in effects),
         inertial=m.inertial,
+        force_sensor=force_sensor,
     )

@@ -72,10 +72,10 @@ def rest_slopes(model: Model) -> Mapped:
 
 
 @lru_cache(maxsize=16)
-def load_slopes(model: Model) -> Mapped:
-    """The force that the load cell sees, by (x, w), and its derivatives by these."""
+def load_slopes(model: Model, *, slides: bool = False) -> Mapped:
+    """The force that the sensor shows at rest, or while the mass slides, by (x, w), and its derivatives by these."""
     x, w = ca.SX.sym("x", len(model.states)), ca.SX.sym("w", len(model.parameters) + 2)
-    load = model.load_cell(x, w[:-2], ca.vertcat(w[-1], w[-2], 1, 0))
+    load = (model.sliding_cell if slides else model.load_cell)(x, w[:-2], ca.vertcat(w[-1], w[-2], 1, 0))
     row = ca.horzcat(load, ca.jacobian(load, ca.vertcat(x, w)))
     return Mapped(ca.Function("load", [x, w], [ca.densify(row)]))
 

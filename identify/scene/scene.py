@@ -122,7 +122,8 @@ class Scene:
             "fit": {"time_limit": self.time_limit} if self.time_limit != DEFAULT_TIME_LIMIT else {},
             "tolerances": dict(self.tolerances),
         }
-        table = _stated(asdict(rig), without=("tolerances", "ratio_tolerances"))
+        usual = ("force_sensor",) if rig.force_sensor == "drive" else ()
+        table = _stated(asdict(rig), without=("tolerances", "ratio_tolerances", *usual))
         table |= {name: {"value": table[name], "tolerance": share} for name, share in rig.tolerances.items()}
         if "zeta" in rig.ratio_tolerances:
             del table["damping"]
@@ -153,7 +154,7 @@ class Scene:
                 'effects = "auto" leaves the effects to be chosen from logs by a fit; list them by name: '
                 'effects = ["inertia", …]'
             )
-        return assemble(self.effects)
+        return assemble(self.effects, self.rig.force_sensor)
 
     @property
     def declared(self) -> tuple[Parameter, ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import PurePath
@@ -14,6 +14,7 @@ from typing import Any
 from data_io.units import UnitError, parse_quantity
 from data_io.values import SIZES
 from identify.base.errors import SceneError
+from identify.model.base import FORCE_SENSORS
 
 LONGEST_WORD = 60  # characters of a word that are compared with known ones
 LARGEST = 1e18  # of an SI unit, and its inverse the least: no rig has it, and what is made of several is a number still
@@ -131,6 +132,17 @@ def of_kind(kind: type, name: str) -> Reader:
     return read
 
 
+def one_of(known: Sequence[str]) -> Reader:
+    """One of a few words."""
+
+    def read(value: object, _unit: str, where: str) -> object:
+        if value not in known:
+            raise SceneError(f"{where} is {value!r}; expected {' or '.join(map(repr, known))}: correct it")
+        return value
+
+    return read
+
+
 def text(value: object, _unit: str, where: str) -> str:
     """A non-empty text; a path that Python gives is one."""
     value = str(value) if isinstance(value, PurePath) else value
@@ -181,6 +193,7 @@ RIG: Mapping[str, Key] = {
     "drive_speed": Key("m/s", speed, usual=(1e-9, 1.0, "mm/s")),
     "normal_force": Key("N", sign=POSITIVE, usual=(1e-4, 1e4, "mN")),
     "noise": Key("N", sign=POSITIVE),
+    "force_sensor": Key(read=one_of(FORCE_SENSORS)),
 }
 CONTACT: Mapping[str, Key] = {"area": Key("m^2", sign=POSITIVE), "area_law": Key()}
 AREA_LAW: Mapping[str, Key] = {"coefficient": Key("m^2", sign=POSITIVE), "exponent": Key()}

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Annotated, get_type_hints
 
 from identify.base.errors import SceneError
+from identify.model.base import ForceSensorPlace
 from identify.scene import tables
 from identify.scene.tables import AREA_LAW, CONTACT, INITIAL, NOT_NEGATIVE, POSITIVE, RIG, Key, check
 
@@ -35,7 +36,8 @@ class Rig:
     damping h of eq. 1 [N/m].
 
     `drive_speed` [m/s] is constant, or a programme of (start [s], speed [m/s]), piecewise constant;
-    `normal_force` [N] only where a log has none; `noise` [N] is the standard deviation of the force.
+    `normal_force` [N] only where a log has none; `noise` [N] is the standard deviation of the force; `force_sensor`:
+    where that is measured, between "drive" and mass or under the "counterface".
     `tolerances`: relative standard deviation by name (mass, stiffness, damping, drive_speed);
     what is absent is taken as exact. `ratio_tolerances`: the same of what ties them, where it is known: "zeta" of h/k,
     "natural_frequency" of sqrt(k/m).
@@ -50,6 +52,7 @@ class Rig:
     drive_speed: DriveSpeed | None = None
     normal_force: float | None = None
     noise: float | None = None
+    force_sensor: ForceSensorPlace = "drive"
     tolerances: Mapping[str, float] = field(default_factory=dict)
     ratio_tolerances: Mapping[str, float] = field(default_factory=dict)
 

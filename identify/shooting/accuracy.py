@@ -115,7 +115,7 @@ def effect_shares(model: Model) -> dict[str, float]:
     whole, shares = instructions(model), {}
     for name in model.effects:
         with suppress(SceneError):
-            less = assemble(tuple(other for other in model.effects if other != name))
+            less = assemble(tuple(other for other in model.effects if other != name), model.force_sensor)
             if less.inertial:
                 shares[name] = max(1.0 - instructions(less) / whole, 0.0)
     return shares

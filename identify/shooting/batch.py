@@ -161,22 +161,23 @@ def _crossing(
 
 @lru_cache(maxsize=16)
 def _functions(model: Model) -> tuple[Mapped, Mapped, Mapped]:
-    """(x, p, u, t) -> breakaway margin after a rest of t [s], its slope, the state; (x, p, u) -> force of the load
-    cell; (force, p, u) -> state settled there."""
+    """(x, p, u, t) -> breakaway margin after a rest of t [s], its slope, the state; (x, p, u) -> force of the
+    sensor at rest and while sliding; (force, p, u) -> state settled there."""
     x, p, u = ca.SX.sym("x", len(model.states)), ca.SX.sym("p", len(model.parameters)), ca.SX.sym("u", len(INPUTS))
     t = ca.SX.sym("t")
     then = ca.vertcat(u[:TIME], u[TIME] + t)
     rested = model.rest(x, p, then, t)
     margin = model.grip(rested, p, then) - model.driving_force(rested, p, then)
+    cells = dict.fromkeys((model.load_cell, model.sliding_cell))  # one where the sensor is at the drive
     return (
         Mapped(ca.Function("row_margin", [x, p, u, t], [margin, ca.jacobian(margin, t), rested])),
-        Mapped(ca.Function("row_force", [x, p, u], [model.load_cell(x, p, u)])),
+        Mapped(ca.Function("row_force", [x, p, u], [cell(x, p, u) for cell in cells])),
         Mapped(ca.Function("row_at_force", [t, p, u], [model.at_force(t, p, u)])),
     )
 
 
 def load_cell(model: Model, x: Array, p: Array, u: Array) -> Array:
-    """What the load cell sees [N], shape (n,); x (n, n_x), p (n, n_p), u (n, 4)."""
+    """What the force sensor shows at rest [N] (n,); x (n, n_x), p (n, n_p), u (n, 4)."""
     return _functions(model)[1]([x, p, u])[0][:, 0]
 
 
@@ -264,11 +265,13 @@ class Waves:
         of the middle of their falls (n,) [s]."""
         n, steps = slips.h.size, slips.states.shape[0]
         flat = slips.states.transpose(1, 0, 2).reshape(n * steps, -1)
-        force = load_cell(model, flat, np.repeat(p, steps, axis=0), np.repeat(u, steps, axis=0)).reshape(n, steps)
+        inputs = [flat, np.repeat(p, steps, axis=0), np.repeat(u, steps, axis=0)]
+        pull, force = (_functions(model)[1](inputs)[which][:, 0].reshape(n, steps) for which in (0, -1))
         duration = np.where(rested, slips.arrest, slips.h)
         end = load_cell(model, np.nan_to_num(slips.at_arrest), p, u)
         slope = p[:, model.parameter_names.index("stiffness")] * u[:, 0]
-        return Waves.of(force, slips.h, duration, end, slope), middle_of_fall(force, slips.h, duration)
+        # Falls are seen in the force of the drive: under the counterface they have no middle, but a plateau.
+        return Waves.of(force, slips.h, duration, end, slope), middle_of_fall(pull, slips.h, duration)
 
     def values(self, t: Array) -> Array:
         """Force (n, b) at times t (n, b) from the onset of each cycle."""

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from identify.base.compiled import Mapped
 from identify.base.tableaus import RK4, step
-from identify.model.model import ELONGATION, INPUTS, SPEED, Model
+from identify.model.model import ELONGATION, SPEED, Model
 
 Array = NDArray[np.float64]
 Equations = tuple["Symbols", ca.SX, ca.SX]  # symbols, rows (n_rows,), curve (coefficients, cells)
@@ -180,7 +180,7 @@ class SteadyBlock:
             u = s.inputs(force + s.deviation, t)
             rates = field(x, p, u)
             rows += [rates[i] / s.row_scale[i] for i in range(len(model.states)) if i not in (ELONGATION, *clamped)]
-            shown.append(model.load_cell(x, p, u))
+            shown.append(model.sliding_cell(x, p, u))
         return s, ca.vertcat(*rows), ca.vertcat(shown[0], shown[1] - shown[0])
 
 
@@ -285,17 +285,17 @@ def _step(model: Model, worn: bool) -> ca.Function:
     less than to write the step out as often."""
     n_x = len(model.states)
     x, t, h = ca.SX.sym("x", n_x), ca.SX.sym("t"), ca.SX.sym("h")
-    p, course, u = ca.SX.sym("p", len(model.parameters)), ca.SX.sym("course", 8), ca.SX.sym("u", len(INPUTS))
-    field, seed = model.worn if worn else model.slip, ca.SX.sym("rate", n_x)
-    sensor_rate = ca.Function("sensor_rate", [x, p, u, seed], [ca.jtimes(model.load_cell(x, p, u), x, seed)])
+    p, course = ca.SX.sym("p", len(model.parameters)), ca.SX.sym("course", 8)
+    field, seed = model.worn if worn else model.slip, ca.SX.sym("rate", n_x + 1)
+    shown = model.sliding_cell(x, p, _inputs(course, t))
+    sensor = ca.Function("sensor", [x, t, p, course, seed], [shown, ca.jtimes(shown, ca.vertcat(x, t), seed)])
 
     def motion(at: ca.SX, offset: ca.SX) -> ca.SX:
         return field(at, p, _inputs(course, t + offset))
 
     after, _, stages = step(RK4, motion, x, h)
-    now = _inputs(course, t)
     return ca.Function(
-        "step", [x, t, h, p, course], [after, model.load_cell(x, p, now), sensor_rate(x, p, now, stages[0])]
+        "step", [x, t, h, p, course], [after, *sensor(x, t, p, course, ca.vertcat(stages[0], 1))]
     )
 
 

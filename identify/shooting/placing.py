@@ -76,7 +76,7 @@ class LogContext:
 
     def forces(self, t: float, x: Array, just_before: bool = False) -> Array:
         """Friction forces (n,) that the load cell shows in states x (n, n_x) at a time [N]."""
-        return np.array(self.model.load_cell(x.T, self.p, self.inputs(t, just_before))).ravel()
+        return np.array(self.model.sliding_cell(x.T, self.p, self.inputs(t, just_before))).ravel()
 
     def steady(self, t: float, just_before: bool = False) -> Sliding | None:
         """The state of steady sliding at a time [s]."""

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from identify.logs.log_data import LogData
 from identify.logs.unknowns import Unknowns
-from identify.shooting.layout import Family, Grid, Indices, Layout, transcribe
+from identify.shooting.layout import COARSE_GRID, Family, Grid, Indices, Layout, transcribe
 from identify.shooting.shooting_trajectory import ShootingTrajectory
 
 Array = NDArray[np.float64]
@@ -399,6 +399,19 @@ class Problem:
         return Point(cost, rows, tuple(curves), gradient, jacobian, summed)
 
 
+UNSURE = 0.1  # of a slip: how far off its arrest may be before the first pass is solved
+
+
+def beside_jumps(log: LogData, trajectory: ShootingTrajectory, share: float) -> LogData:
+    """A log without the samples beside its arrests, where the force under the counterface jumps: on which side they are
+    is not known before a pass is solved. Within one sample, or this share of a slip."""
+    arrests, slips = trajectory.until[trajectory.ending("arrest")], trajectory.slips
+    width = max(log.interval, share * float(np.median(slips)) if slips.size else 0.0)
+    ends = np.searchsorted(log.time, [arrests - width, arrests + width])
+    first, last = (np.bincount(row, minlength=log.time.size + 1)[:-1] for row in ends)
+    return replace(log, weight=np.where(np.cumsum(first - last) > 0, 0.0, log.weight))
+
+
 def shooting_problem(
     logs: list[LogData],
     trajectories: list[ShootingTrajectory],
@@ -409,4 +422,7 @@ def shooting_problem(
 ) -> Problem:
     """The multiple-shooting problem of several logs around their trajectories; see `transcribe`, and `Problem` for
     pattern."""
+    if unknowns.model.force_sensor == "counterface":
+        share = UNSURE if grid is COARSE_GRID else 0.0
+        logs = [beside_jumps(log, motion, share) for log, motion in zip(logs, trajectories, strict=True)]
     return Problem(logs, transcribe(logs, trajectories, unknowns, grid), pattern=pattern)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from identify.logs.log_data import LogData
 from identify.logs.prepare import Prepared, moving_pieces
 from identify.logs.unknowns import Unknowns
+from identify.model.model import assemble
 from identify.shooting import batch
 from identify.shooting.batch import Waves
 from identify.simulation.drive import Drive
@@ -193,7 +194,8 @@ class _FeatureFit:
     """The residuals of all features as functions of the unknowns, for many candidates at once."""
 
     def __init__(self, unknowns: Unknowns, features: list[Features], bases: list[Array]) -> None:
-        self.unknowns, self.features = unknowns, features
+        # The features are those of the force at the drive, wherever it was measured.
+        self.unknowns, self.features, self.model = unknowns, features, assemble(unknowns.model.effects)
         self.free = np.flatnonzero(unknowns.free)
         self.base = np.stack(bases)  # (L, n_p)
         self.n_theta, self.n_logs = self.free.size, len(features)
@@ -214,7 +216,7 @@ class _FeatureFit:
     def residuals(self, theta: Array, arrest: Array, shift: Array) -> tuple[Array, Array]:
         """theta (S, n_p), arrest (S, L) [N], shift (S, L) [s] -> residuals (S, L, width + 2), and the slope
         of the waveform part with respect to the shift, same shape."""
-        model, s = self.unknowns.model, theta.shape[0]
+        model, s = self.model, theta.shape[0]
         p = self.unknowns.values(theta[:, None, :], self.base[None]).reshape(s * self.n_logs, -1)
         u, weight = np.tile(self.u, (s, 1)), np.tile(self.weight, (s, 1))
         stick, at_onset = batch.stick(model, batch.at_force(model, arrest.ravel(), p, u), p, u)

@@ -115,7 +115,7 @@ def slidings(model: Model, settings: Array) -> list[Sliding]:
     for i in range(len(p)):
         known = values[i][np.isfinite(values[i])]
         order = np.lexsort((-known.imag, -known.real))
-        force = float(model.load_cell(x[i], p[i], u[i]))
+        force = float(model.sliding_cell(x[i], p[i], u[i]))
         out.append(Sliding(float(u[i, 0]), x[i], force, bool(worn[i]), known[order]))
     return out
 

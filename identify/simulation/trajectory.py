@@ -102,11 +102,11 @@ def _row(model: Model, method: Method | None, mode: ModeName) -> Mapped:
     u = inputs(drive, t)
     if method is None:
         x = model.rest(xth[:n], p, u, t)
-        shown = model.driving_force(x, p, u) / u[1]
+        force, shown = model.load_cell(x, p, u), model.driving_force(x, p, u) / u[1]
     else:
         x = within(model, method, mode)(xth, ca.vertcat(p, drive), tolerances)
-        shown = u[2] * coefficient(model, mode)(x, ca.vertcat(p, drive), t)
-    row = ca.densify(ca.vertcat(x, model.load_cell(x, p, u), shown))
+        force, shown = model.sliding_cell(x, p, u), u[2] * coefficient(model, mode)(x, ca.vertcat(p, drive), t)
+    row = ca.densify(ca.vertcat(x, force, shown))
     return Mapped(ca.Function("row", [xth, drive, p, tolerances], [row]))
 
 
