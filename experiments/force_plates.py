@@ -44,7 +44,9 @@ class Plated:
     noise: float
 
 
-def plated(number: int, measured: str = "counterface", stated: str = "counterface", noise: float | None = None) -> Plated:
+def plated(
+    number: int, measured: str = "counterface", stated: str = "counterface", noise: float | None = None
+) -> Plated:
     """The pair of a number; noise [N]: None for one drawn from NOISE."""
     random = np.random.default_rng([PLATE_SEED, number])
     case, _ = random_case(random, USUAL)

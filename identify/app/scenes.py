@@ -34,6 +34,7 @@ RIG_FIELDS = {
     "drive_speed": ("drive speed", "m/s", "Where it is the same in all logs; else in each log."),
     "normal_force": ("normal force", "N", "Only where the logs have no column of it."),
     "noise": ("noise of the force", "N", "Left out it is estimated from straight sticks."),
+    "force_sensor": ("force measured", "", "Between drive and mass (drive), or by a plate under the counterface."),
 }  # fmt: skip
 DAMPINGS = {
     "damping": ("damping h", "N/m"),

@@ -547,7 +547,9 @@ def drive_force(time: Array, force: Array, frequency: float, zeta: float) -> Arr
     clean = np.interp(even, time[~holes], force[~holes])
     numerator, denominator = [2.0 * zeta * frequency, frequency**2], [1.0, 2.0 * zeta * frequency, frequency**2]
     above, below, _ = cont2discrete((numerator, denominator), interval, "foh")
-    out = np.interp(time, even, lfilter(above.ravel(), below, clean - clean[0]) + clean[0])
+    first = slice(max(int(np.pi / (frequency * interval)), 2))  # half a period: it begins at rest, along that line
+    line = clean[0] + line_slope(even[first], clean[first], noise) * (even - even[0])
+    out = np.interp(time, even, lfilter(above.ravel(), below, clean - line) + line)
     rings = noise * sqrt(1.0 + frequency * interval / (4.0 * max(zeta, 1e-3)))  # white noise, and what it makes ring
     return np.where(holes, np.nan, np.where(np.abs(out - force) < SAME_FORCE * rings, force, out))
 

@@ -294,9 +294,7 @@ def _step(model: Model, worn: bool) -> ca.Function:
         return field(at, p, _inputs(course, t + offset))
 
     after, _, stages = step(RK4, motion, x, h)
-    return ca.Function(
-        "step", [x, t, h, p, course], [after, *sensor(x, t, p, course, ca.vertcat(stages[0], 1))]
-    )
+    return ca.Function("step", [x, t, h, p, course], [after, *sensor(x, t, p, course, ca.vertcat(stages[0], 1))])
 
 
 def _inputs(course: ca.SX, t: ca.SX) -> ca.SX:
