@@ -138,8 +138,8 @@ def _rig(value: object, effects: Effects) -> tuple[Rig, float | None]:
         zeta = decrement / math.hypot(2.0 * math.pi, decrement)
     ratio = factor if zeta is None else 2.0 * zeta
     values["damping"] = values["damping"] or 0.0 if ratio is None else ratio * values["stiffness"]
-    sensor = table.get("force_sensor") or "drive"
-    return Rig(**values, force_sensor=sensor, tolerances=tolerances, ratio_tolerances=ratios), ratio
+    values["force_sensor"] = table.get("force_sensor") or "drive"
+    return Rig(**values, tolerances=tolerances, ratio_tolerances=ratios), ratio
 
 
 def _log_entry(value: object, number: int, folder: Path, ratio: float | None) -> LogEntry:
