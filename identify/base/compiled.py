@@ -96,10 +96,11 @@ class Mapped:
 
     total = 0.0  # seconds that all of them took in this process so far
 
-    def __init__(self, function: ca.Function, many: int = MANY) -> None:
-        """many: rows per call where there are so many; what is left of them is called for in smaller chunks."""
+    def __init__(self, function: ca.Function, many: int = MANY, instructions: int = 0) -> None:
+        """many: rows per call where there are so many; what is left of them is called for in smaller chunks.
+        instructions: of one row, of a function that calls others."""
         self.function, self._many = function, many
-        self.instructions = function.n_instructions()  # of one row
+        self.instructions = instructions or function.n_instructions()
         self._few = min(max(WORK // max(self.instructions, 1), 1), many)
         self.spent, self.cost = 0.0, native.PER_INSTRUCTION * self.instructions  # seconds, so far and of compiling it
         self.settled, self._next_look = False, 0.0  # no better code will come; seconds spent before it is looked for

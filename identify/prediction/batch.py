@@ -31,7 +31,18 @@ from identify.prediction.orbit import (
 )
 from identify.simulation.phases import FIRST, FLOOR, ROUNDING
 from identify.simulation.sliding import growth_rates
-from identify.simulation.stepper import DIPS, MODES, N_GUARDS, SHORTEST, BurstState, Stop, event_functions, paced, rate
+from identify.simulation.stepper import (
+    DIPS,
+    MODES,
+    N_GUARDS,
+    SHORTEST,
+    BurstState,
+    Stop,
+    burst,
+    event_functions,
+    paced,
+    rate,
+)
 from identify.simulation.steppers import HIGH
 
 Array = NDArray[np.float64]
@@ -39,7 +50,7 @@ Bools = NDArray[np.bool_]
 Rows = NDArray[np.intp]
 
 ACCURACY = 1e-6  # relative tolerance of a step: a hundredth of it, and less, is left in durations and drops
-TRIALS = 150  # steps tried in one slip before a row is integrated alone
+BURSTS = 8  # of trials in one slip before a row is integrated alone
 RENEWED = 0.01  # of the saturation: of a contact that is almost renewed
 ALMOST = 1.0 - 1e-6  # of the elongation at which a contact breaks loose
 NEWTON_STEPS = 60  # towards the end of a stick
@@ -55,12 +66,21 @@ STEP = 1e-3  # of the jump, both in typical ones: differences of the return map
 DENSE = 0.3  # natural times sqrt(m/k): longest step where extremes are sought between its ends
 
 
+@lru_cache(maxsize=32)
+def _bursts(model: Model, keep: bool) -> Mapped:
+    """Many trials in one call, with `keep` every node of them, else the last alone: see `burst`."""
+    steps = burst(model, HIGH)
+    given = [ca.MX.sym(steps.name_in(i), steps.sparsity_in(i)) for i in range(steps.n_in())]
+    nodes = steps(*given)
+    function = ca.Function("nodes" if keep else "last", given, [nodes if keep else nodes[:, -1]])
+    return Mapped(function, instructions=HIGH.trials * paced(model, HIGH, MODES[0], False).n_instructions())
+
+
 @lru_cache(maxsize=16)
-def _steps(model: Model) -> tuple[list[Mapped], list[Mapped]]:
-    """Trials by which of them comes (`BurstState.which`), and event functions by mode."""
+def _events(model: Model) -> list[Mapped]:
+    """Event functions by sliding mode."""
     modes = MODES[: len(sliding_modes(model.clamped is not None))]
-    trials = [Mapped(paced(model, HIGH, mode, locating)) for mode in modes for locating in (False, True)]
-    return trials, [Mapped(event_functions(model, mode)) for mode in modes]
+    return [Mapped(event_functions(model, mode)) for mode in modes]
 
 
 @lru_cache(maxsize=16)
@@ -249,7 +269,7 @@ class CycleBatch:
     def _slip(self, x: Array, force: Array, keep: bool) -> tuple[Array, Array, Bools, Bools, tuple[Node, ...]]:
         """Slips from states x (n, n_x) under forces [N]: their ends, durations, which rest, which go alone, nodes."""
         n, n_x = x.shape
-        at, (trials, events), clamped = BurstState(n_x), _steps(self.model), self.model.clamped
+        at, steps, events, clamped = BurstState(n_x), _bursts(self.model, keep), _events(self.model), self.model.clamped
         lowest = 0.0 if clamped is None else self.model.states[clamped].lower or 0.0
         exits = [dict(mode.exits) for mode in sliding_modes(clamped is not None).values()]
         leaves = np.array([[guard in mode for guard in GUARDS] for mode in exits])
@@ -278,8 +298,7 @@ class CycleBatch:
                     z[mine, at.ends] = function([z[mine, :n_x], constants[mine], np.zeros(mine.size)])[0]
 
         def node() -> None:
-            if keep:
-                nodes.append(Node(z[:, :n_x].copy(), before + z[:, at.t], modes.copy(), constants[:, -4].copy()))
+            nodes.append(Node(z[:, :n_x].copy(), before + z[:, at.t], modes.copy(), constants[:, -4].copy()))
 
         active = np.arange(n)
         z[:, :n_x], constants[:, -4] = x, np.where(force < 0.0, -1.0, 1.0)
@@ -289,13 +308,12 @@ class CycleBatch:
             z[held, ELONGATION] += constants[held, -4] * FREED * self.scale[held, ELONGATION]
             begin(held, FIRST * self.time[held])
         node()
-        for _ in range(TRIALS):
-            coming = z[active, at.which]
-            for which, trial in enumerate(trials):
-                rows = active[coming == which]
-                if rows.size:
-                    z[rows] = trial([z[rows], bounds[rows], constants[rows], tolerances[rows]])[0]
-            node()
+        for _ in range(BURSTS):
+            taken = steps([z[active], bounds[active], constants[active], tolerances[active]])[0]
+            for after in np.moveaxis(taken.reshape(active.size, -1, at.size), 1, 0):
+                z[active] = after
+                if keep:
+                    node()
             why = z[active, at.stop]
             if not np.any(why):
                 continue

@@ -37,6 +37,7 @@ Array = NDArray[np.float64]
 MODEL = "nonlinear model, valid at any speed"
 SHOWN = QUANTITIES | {"frequency": "Hz", "share_in_slip": ""}  # what is reported of the jumps, and its unit
 QUIET = 1e-3  # natural frequencies: what a growth rate near zero is measured by
+LOCATED = 64  # draws of which the end of stick-slip is sought
 ALIKE = 0.03  # of the logarithm of the load, up to which draws of one pair end in the same ratio to the estimate
 
 
@@ -199,17 +200,32 @@ class DrawAnswers:
         return {**_jumps(rows, values), **formed, "friction_force": force}
 
     def limit(self, part: SpeedRange, upper: bool) -> Array:
-        """The upper or lower end (rows,) [m/s] of a range with stick-slip, NaN where none is found."""
-        settings, speed = self.draws.settings, part.high if upper else part.low
+        """The upper or lower end (rows,) [m/s] of a range with stick-slip, NaN where none is found.
+
+        It is sought in LOCATED of the draws and in the moved points. Of the other draws it is the regression on their
+        settings, with the residuals of those in turn: what it costs is to close in on ends, where motions settle late.
+        """
+        settings, speed, count = self.draws.settings, part.high if upper else part.low, self.draws.count
         assert speed is not None
+        sought = np.delete(np.arange(len(settings)), np.arange(LOCATED, count))
 
         def at(rows: NDArray[np.intp], logarithms: Array) -> Array:
-            return np.column_stack([settings[rows, :-1], np.exp(logarithms)])
+            return np.column_stack([settings[sought[rows], :-1], np.exp(logarithms)])
 
         start = part.states[-1 if upper else 0], self.batch.scale[0]
-        test = StickTest(self.draws.model, at, *(np.tile(each, (len(settings), 1)) for each in start), rested=True)
-        expected, ahead = np.full(len(settings), np.log(speed)), 1.0 if upper else -1.0
-        return np.exp(locate(test, expected, ahead, COARSE, self.draws.count))
+        test = StickTest(self.draws.model, at, *(np.tile(each, (sought.size, 1)) for each in start), rested=True)
+        ends = np.full(len(settings), np.nan)
+        ends[sought] = locate(test, np.full(sought.size, np.log(speed)), 1.0 if upper else -1.0, COARSE)
+        known = np.flatnonzero(np.isfinite(ends[:LOCATED]))
+        if count > LOCATED and known.size:
+            varied = settings[:count, np.ptp(settings[:count], axis=0) > 0.0]
+            design = np.column_stack([np.ones(count), (varied - varied.mean(axis=0)) / varied.std(axis=0)])
+            weights = np.linalg.lstsq(design[known], ends[known], rcond=None)[0]
+            residuals = ends[:LOCATED] - design[:LOCATED] @ weights
+            residuals *= np.sqrt(known.size / max(known.size - len(weights), 1))
+            others = np.arange(LOCATED, count)
+            ends[others] = design[others] @ weights + residuals[others % LOCATED]
+        return np.exp(ends)
 
 
 def _number(drawn: DrawAnswers | None, value: float | None, unit: str, validity: str, name: str) -> Number:

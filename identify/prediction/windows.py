@@ -150,12 +150,9 @@ class StickTest:
         return stuck
 
 
-def locate(holds: Holds, expected: Array, ahead: float, rounds: int, draws: int) -> Array:
+def locate(holds: Holds, expected: Array, ahead: float, rounds: int) -> Array:
     """Places (n,) at which something ends that holds before them in the direction `ahead` (1 or -1), NaN where there
-    is none near to what is expected (n,).
-
-    Of the first `draws` rows the outer quantiles are closed in on alone, the others are left as wide as they are.
-    """
+    is none near to what is expected (n,)."""
     place, inside, outside = expected.copy(), np.full(expected.size, np.nan), np.full(expected.size, np.nan)
     step = FIRST
     for turn in range(DOUBLINGS + 1):
@@ -166,13 +163,9 @@ def locate(holds: Holds, expected: Array, ahead: float, rounds: int, draws: int)
         inside[rows[now]], outside[rows[~now]] = place[rows[now]], place[rows[~now]]
         place[rows] += np.where(now, ahead, -ahead) * step
         step *= 1.0 if turn == 0 else 2.0
-    for _ in range(rounds):
-        middle, (low, high) = 0.5 * (inside + outside), np.sort([inside, outside], axis=0)
-        wanted = np.isfinite(middle)
-        if np.any(wanted[:draws]):  # a quantile lies between two draws: both are closed in on
-            ends = [np.nanquantile(middle[:draws], QUANTILES, method=side) for side in ("lower", "higher")]
-            wanted[:draws] &= np.any([(low <= end) & (end <= high) for end in np.ravel(ends)], axis=0)[:draws]
-        rows = np.flatnonzero(wanted)
+    rows = np.flatnonzero(np.isfinite(inside + outside))
+    for _ in range(rounds if rows.size else 0):
+        middle = 0.5 * (inside + outside)
         now = holds(rows, middle[rows])
         inside[rows[now]], outside[rows[~now]] = middle[rows[now]], middle[rows[~now]]
     return np.asarray(0.5 * (inside + outside))
