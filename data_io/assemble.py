@@ -15,7 +15,7 @@ from data_io.arrays import same, thinned, thinned_steps
 from data_io.clock import Rows, StepClock, joined, usable_rows
 from data_io.columns import ALIASES, EXAMPLES, KIND, find_column, shown, words
 from data_io.contents import Contents, Part, check_request, chosen, of_run, unit_of
-from data_io.record import WINDOW_START, Record, step_range
+from data_io.record import WINDOW_START, Record, rises
 from data_io.source import Request, Source, sha256_unchanged
 from data_io.units import SI_UNIT, column_factor, factor, is_mass, kind_of, rescaled
 from data_io.values import COLUMN_ROLES, LARGEST_FORCE, Finding, FloatArray, Scalar, UnitError, free_name
@@ -117,7 +117,7 @@ def _in_si(
     raw_time = _role(source, request, part, "time")
     wanted: Rows = slice(None)
     spans = _unused_spans(request)
-    if alone and spans and np.isfinite(raw_time).any() and not step_range(raw_time)[0] > 0.0:
+    if alone and spans and np.isfinite(raw_time).any() and not rises(raw_time):
         falls = ~(raw_time > np.concatenate(([-np.inf], np.fmax.accumulate(raw_time)[:-1])))
         since = raw_time - raw_time[np.argmax(np.isfinite(raw_time))]
         wanted = np.flatnonzero(_without_needless(since, falls, spans, ends=False))

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from data_io.arrays import longest_run, same, thinned, thinned_steps, true_runs
 from data_io.columns import Header, Name, match_names, role_of, shown
 from data_io.contents import Contents, Part, with_column
-from data_io.record import step_range
+from data_io.record import rises, step_range
 from data_io.source import Request, Source
 from data_io.units import factor
 from data_io.values import COLUMN_ROLES, LONGEST_GAP, Finding, FloatArray, UnitError
@@ -35,7 +35,7 @@ def with_sound_clocks(request: Request, contents: Contents) -> Contents:
     parts, findings = [], list(contents.findings)
     for part in contents.parts:
         clock = -1 if part.clocks else part.header.roles.get("time", -1)
-        if clock not in part.columns or part.rows < 3 or step_range(part.columns[clock])[0] > 0.0:
+        if clock not in part.columns or part.rows < 3 or rises(part.columns[clock]):
             parts.append(part)
             continue
         columns, time = dict(part.columns), part.columns[clock]
@@ -55,8 +55,8 @@ def with_sound_clocks(request: Request, contents: Contents) -> Contents:
             text = f"{np.count_nonzero(never)} rows that were never written (zeros) were left out"
             findings.append(Finding("never_written", "info", text))
         change = np.diff(time := columns[clock])
-        falls, rises = np.flatnonzero(change < 0.0), change[change > 0.0]
-        usual = float(np.median(thinned(rises))) if 0 < falls.size < rises.size else np.inf
+        falls, steps = np.flatnonzero(change < 0.0), change[change > 0.0]
+        usual = float(np.median(thinned(steps))) if 0 < falls.size < steps.size else np.inf
         for most in _COUNTS:
             over = change[falls] + most
             if usual < 1e-3 * most and (over > 0.0).all() and (over < (LONGEST_GAP + 1.5) * usual).all():
@@ -415,8 +415,10 @@ def _with_clocks_of_slow_columns(request: Request, part: Part) -> Part:
         if index is None or index not in part.columns or (role == "normal_force" and request.normal_force is not None):
             continue
         clocks[index] = clock
+        if np.isfinite(np.sum(part.columns[index])):  # the common case, without a copy
+            continue
         known = np.isfinite(part.columns[index])
-        rows = np.flatnonzero(known) if not known.all() else np.empty(0)
+        rows = np.flatnonzero(known)
         if rows.size >= 10 and np.median(np.diff(rows)) >= 2:
             clocks |= {index: len(names), len(names): len(names)}
             columns[len(names)] = np.where(known, part.columns[clock], np.nan)

@@ -340,7 +340,7 @@ LOOKED_AT: Final = 5000
 
 
 def without_cut_row(block: str, before: str, head: Head) -> tuple[str, list[Finding]]:
-    """Take the last row away if it may be cut off: too few fields, or a last one shorter than all of those above.
+    """Take the last row away if it may be cut off: fields as no row above has them, or a last one shorter than theirs.
 
     before: rows that stand above the block, whose own may be few.
     """
@@ -350,8 +350,10 @@ def without_cut_row(block: str, before: str, head: Head) -> tuple[str, list[Find
     if not last.strip():
         return block, []
     lines = (before + block[:start])[-LOOKED_AT:].split("\n")[-6:-1]
-    above = [len(row[-1]) for row in (split(line, head.delimiter) for line in lines) if len(row) == len(fields)]
-    if len(fields) < max(len(head.header.names), head.width) or (above and len(fields[-1]) < min(above)):
+    rows = [split(line, head.delimiter) for line in lines if line.strip()]
+    above = [len(row[-1]) for row in rows if len(row) == len(fields)]
+    unlike = bool(rows) and len(fields[-1]) < min(above, default=LOOKED_AT)
+    if len(fields) < max(len(head.header.names), head.width) or unlike:
         text = f"the last row ({last!r:.60}) has no line end and may be cut off; it was left out"
         return block[:start], [Finding("last_row_cut", "warning", text)]
     text = "the last row has no line end, as if the file were cut there; it looks whole and was kept"

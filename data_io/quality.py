@@ -438,9 +438,11 @@ def describe_sampling(
         notes.append(Finding("rate_switch", "warning", text))
     if sampling.missing:
         severity = thresholds.severity("missing_rows", sampling.missing / (change.size + sampling.missing)) or "info"
+        marked = any(finding.code == "no_value_mark" for finding in record.findings)
+        remedy = "rows without a value were left out" if marked else "write to a faster disk"
         text = (
             f"{sampling.dropouts} gap(s) in the clock, about {sampling.missing} rows missing, the longest gap "
-            f"{sampling.longest_gap:.4g} s at {sampling.longest_at:.6g} s; write to a faster disk"
+            f"{sampling.longest_gap:.4g} s at {sampling.longest_at:.6g} s; {remedy}"
         )
         notes.append(Finding("dropouts", severity, text))
     notes += thresholds.finding(

@@ -43,6 +43,11 @@ def step_range(time: FloatArray) -> tuple[float, float]:
     return (float(ends[:, 0].min()), float(ends[:, 1].max())) if ends.size else (np.nan, np.nan)
 
 
+def rises(time: FloatArray) -> bool:
+    """Tell whether a clock (n,) rises from row to row; not where a row holds no number."""
+    return bool(np.all(time[1:] > time[:-1]))
+
+
 def _column(fail: Fail, name: str, values: npt.ArrayLike, n: int | None = None) -> FloatArray:
     """Return a read-only float64 copy of shape (n,); what is already frozen is not copied again."""
     try:
@@ -85,7 +90,7 @@ def _is_plain(text: object) -> bool:
 
 def _check_clock(fail: Fail, time: FloatArray) -> None:
     """Refuse a clock that does not start at 0 and rise strictly."""
-    if time[0] == 0 and step_range(time)[0] > 0.0 and np.isfinite(time[-1]):
+    if time[0] == 0 and rises(time) and np.isfinite(time[-1]):
         span, (least, most) = float(time[-1]), SIZES["s"]
         if span > most or span < least * (time.size - 1):
             raise fail(

@@ -38,7 +38,7 @@ from data_io.source import Request, Source
 from data_io.text import DELIMITERS, TEXT_LINE, Text, as_utf8, is_number_like, is_plain, is_words, over_midnight, split
 from data_io.values import Finding, FloatArray
 
-BLOCK: Final = 1 << 21
+BLOCK: Final = 1 << 22
 """Bytes of numbers handed to pandas at once."""
 _FIRST: Final = 1 << 18
 """Characters of rows with words among them that are taken at once; four times as many each time these go on."""

@@ -91,7 +91,9 @@ def _scene_of(arguments: Namespace) -> Scene:
     for path in (entry.path for entry in logs):
         if not log_is_at(path):
             what = "this is a folder that holds no log" if path.is_dir() else "there is no such log"
-            raise CommandLineError(f"{path}: {what}; check its path in the scene, or put it there")
+            quoted = path.name.endswith(("'", '"'))
+            remedy = "leave out its own quotes" if quoted else "check its path in the scene, or put it there"
+            raise CommandLineError(f"{path}: {what}; {remedy}")
     return replace(scene, logs=logs)
 
 

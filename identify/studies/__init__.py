@@ -24,13 +24,14 @@ batch.json: {"schema": 1, "kind": "batch", "status": "running" | "done" | "failu
 job.json: {"schema": 1, "kind": "job", "group", "folder", "key", "numerics", "status", "message": sentence,
     "labels": {name: text}, "logs": [{"path", "sha256", "labels"}, …], "scene": document of the group's scene,
     "files": {name relative to the folder: bytes}, "result_sha256": of result.json or null, "detail": traceback or null,
-    "timing_s": {"fit", "report", "total", "processor"} or {}, "finished": UTC, "host": name}
+    "timing_s": {"fit", "report", "total", "processor"} or {}, "limited": whether the time limit of the batch ended the
+    fit, "finished": UTC, "host": name}
 
 status of a group: the status of its fit (converged, solver_failed, wrong_event_count, model_misfit,
     better_start_found, no_cycles, at_bound: result.json is there), or, without result.json: failed (the sentence of
     the error: an unreadable log, say), timed_out, crashed (its process died, or its files could not be reached), defect
     (an error of ours; `detail` has the traceback), outdated (a log or the program changed while the batch ran). A
-    resumed batch tries the last four again.
+    resumed batch tries the last four again, and what its time limit ended before it converged.
     labels of a group: a label its logs agree on, else the different texts joined by "; ". labels of a log are exact.
 
 index.csv: group, status, message, result (relative path of result.json, empty without one), folder, logs (number),

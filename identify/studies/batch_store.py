@@ -90,17 +90,20 @@ class Job:
 
 @dataclass(frozen=True)
 class End:
-    """How a job ended: a status of the room's docstring, one sentence, traceback or None, seconds by stage."""
+    """How a job ended: a status of the room's docstring, one sentence, traceback or None, seconds by stage, whether the
+    time limit of the batch ended its fit."""
 
     status: str
     message: str
     detail: str | None = None
     timing_s: Mapping[str, float] = field(default_factory=dict)
+    limited: bool = False
 
     @staticmethod
     def of(document: Document) -> End:
         """The end that a job.json tells of."""
-        return End(document["status"], document["message"], document.get("detail"), document.get("timing_s") or {})
+        timing, limited = document.get("timing_s") or {}, document.get("limited", False)
+        return End(document["status"], document["message"], document.get("detail"), timing, limited)
 
     @property
     def has_result(self) -> bool:
@@ -188,7 +191,8 @@ def ended(folder: Path, job: Job) -> Document | None:
     """The document of this very job if it has ended, whole and for good; None where it is still to be done."""
     document = complete(folder / job.folder)
     same = document is not None and (document["key"], document["group"]) == (job.key, job.group)
-    return document if same and document is not None and document["status"] not in TRY_AGAIN else None
+    undecided = document is not None and (document["status"] in TRY_AGAIN or document.get("limited", False))
+    return document if same and not undecided else None
 
 
 def write_job(folder: Path, job: Job, end: End) -> Document:
@@ -205,6 +209,7 @@ def write_job(folder: Path, job: Job, end: End) -> Document:
         "result_sha256": _result_sha256(folder),
         "detail": end.detail,
         "timing_s": dict(end.timing_s),
+        "limited": end.limited,
         "finished": utc(),
         "host": platform.node(),
     }

@@ -32,7 +32,7 @@ from typing import IO, Self, TypeAlias, cast
 
 from data_io.source import file_sha256
 from data_io.values import LogError, UnitError
-from identify.base.budget import no_time_limit, time_limit
+from identify.base.budget import no_time_limit, time_is_up, time_limit
 from identify.base.errors import IdentifyError
 from identify.base.result import Result
 from identify.studies import batch_store as store
@@ -95,13 +95,14 @@ def _fitted(job: Job, part: Path) -> End:
     changed = _changed(job, (result.logs[result.places(number)[0]].sha256 for number in range(len(job.logs))))
     if changed is not None:
         return changed
-    fitted = time.perf_counter()
+    fitted, limited = time.perf_counter(), time_is_up() and result.status != store.CONVERGED
     part.mkdir()  # what an error leaves of it the batch discards
     with no_time_limit():
         write_report(replace(outcome, result=with_provenance(result, job).to_dict()), part)
     now = time.perf_counter()
     timing = {"fit": fitted - began, "report": now - fitted, "total": now - began}
-    end = End(result.status, result.message, None, timing | {"processor": time.process_time() - used})
+    timing |= {"processor": time.process_time() - used}
+    end = End(result.status, result.message, None, timing, limited)
     store.write_job(part, job, end)
     return end
 

@@ -11,9 +11,13 @@ import pytest
 from data_io import Record, write_csv
 from experiments.batch_trials import SCENE, write_case
 from experiments.study_problem import DEMO, RIG
+from identify.base.budget import time_limit
 from identify.effects import MAIN
 from identify.model.model import assemble
 from identify.simulation.simulate import run
+from identify.studies.batch_store import complete, ended
+from identify.studies.planning import plan
+from identify.studies.workers import make
 from tests.support.command import refused, stickslip
 
 HELD = "[parameters]\n" + "".join(
@@ -45,6 +49,15 @@ def batched(tmp_path_factory):
         [sys.executable, *command, *map(str, arguments)], capture_output=True, check=False, timeout=300
     )
     return home, done.returncode, json.loads(done.stdout), done.stderr.decode()
+
+
+def test_a_fit_that_the_limit_of_its_batch_ends_is_tried_again(batched, tmp_path):
+    home = batched[0]
+    job = next(job for job in plan(home / "m.csv", home / "scene.toml").jobs if job.group == "good")
+    with time_limit(0.0):
+        end = make(job, tmp_path / job.folder)
+    assert end.limited and complete(tmp_path / job.folder) is not None and ended(tmp_path, job) is None
+    assert ended(home / "out", job) is not None, "negative control: within its limit"
 
 
 def test_a_batch_keeps_what_is_good_and_says_why_the_rest_is_not(batched):
