@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 import tomllib
 from fnmatch import fnmatch
 from pathlib import Path
@@ -29,3 +32,13 @@ def packed(path: Path, patterns: dict[str, list[str]]) -> bool:
 @pytest.mark.parametrize("path", SHIPPED, ids=str)
 def test_the_package_data_hold_every_file_that_is_no_module(path: Path) -> None:
     assert packed(path, PATTERNS)
+
+
+@pytest.mark.parametrize("way", [("-c", "from identify import fit"), ("-m", "identify", "inspect", "log.csv")])
+def test_a_file_beside_the_user_that_hides_data_io_is_named(tmp_path: Path, way: tuple[str, ...]) -> None:
+    (tmp_path / "data_io.py").write_text("def load(path):\n    return open(path).read()\n")
+    where = {**os.environ, "PYTHONPATH": os.pathsep.join(["", str(ROOT)])}
+    done = subprocess.run([sys.executable, *way], cwd=tmp_path, env=where, capture_output=True, text=True, check=False)
+    last = done.stderr.splitlines()[-1]
+    assert f"data_io is {tmp_path / 'data_io.py'}, not the package" in last and "rename that file" in last
+    assert done.returncode == (1 if way[0] == "-c" else 2)

@@ -12,6 +12,7 @@ import openpyxl
 import pytest
 
 from data_io import LogError, read_log
+from data_io.quality import assess
 
 SIBLINGS = range(int(os.environ.get("SIBLINGS", "4")))
 Column = Iterable[object]
@@ -117,12 +118,11 @@ def test_a_slow_channel_that_stops_for_a_while_is_no_load(tmp_path: Path) -> Non
         read_log(tmp_path / "log.csv")
 
 
-@pytest.mark.parametrize("mark", [999.99, 9999.0, -9999.0, 32767.0])
-@pytest.mark.parametrize("column", [0, 1])
-@pytest.mark.parametrize("seed", range(2))
-def test_a_mark_for_no_value_is_none(tmp_path: Path, mark: float, column: int, seed: int) -> None:
-    time, *forces, _ = drawn(seed, 1000)
-    rows = np.unique(np.random.default_rng(seed).integers(20, 980, 5)[:, None] + np.arange(9))
+@pytest.mark.parametrize("seed", SIBLINGS)
+def test_a_mark_for_no_value_is_none(tmp_path: Path, seed: int) -> None:
+    time, *forces, random = drawn(seed, 1000)
+    column, mark = seed % 2, random.choice([99.99, 999.9, 999.99, 9999.0, -9999.0, 99999.0, 32767.0, 65535.0])
+    rows = np.unique(random.integers(20, 980, random.integers(1, 9))[:, None] + np.arange(random.integers(2, 20)))
     marked = [force.copy() for force in forces]
     marked[column][rows] = mark
     written(tmp_path / "log.csv", time, *marked)
@@ -130,6 +130,7 @@ def test_a_mark_for_no_value_is_none(tmp_path: Path, mark: float, column: int, s
     record = read_log(tmp_path / "log.csv")
     check(tmp_path / "log.csv", time[there], *(force[there] for force in forces))
     assert any(f.code == "no_value_mark" and f"{rows.size} row(s)" in f.message for f in record.findings)
+    assert all("disk" not in finding.message for finding in assess(record).findings)
 
 
 def test_a_force_that_reaches_nine_hundred_and_ninety_nine_is_no_mark(tmp_path: Path) -> None:
@@ -140,61 +141,85 @@ def test_a_force_that_reaches_nine_hundred_and_ninety_nine_is_no_mark(tmp_path: 
     check(tmp_path / "log.csv", time, force, load)
 
 
-@pytest.mark.parametrize("change", [(2, 1), (1, 2), (-4, -5)])
-def test_an_offset_of_the_clock_may_change_within_a_log(tmp_path: Path, change: tuple[int, int]) -> None:
-    time, force, load, _ = drawn(0)
-    offsets = np.where(time > time[500], change[1], change[0]).tolist()
+@pytest.mark.parametrize("seed", SIBLINGS)
+def test_an_offset_of_the_clock_may_change_within_a_log(tmp_path: Path, seed: int) -> None:
+    time, force, load, random = drawn(seed)
+    here, begin = int(random.integers(-11, 12)), 86400.0 * random.integers(0, 300) + random.uniform(0.0, 86400.0)
+    offsets = np.where(time > time[random.integers(1, 599)], here + random.choice([-1, 1]), here).tolist()
     stamps = [
-        f"2023-10-29T{int(utc // 3600):02d}:{int(utc % 3600 // 60):02d}:{utc % 60:06.3f}{offset:+03d}:00"
-        for t, offset in zip(time, offsets, strict=True)
-        for utc in [12 * 3600.0 + t + 3600.0 * offset]
+        f"{datetime(2023, 1, 1) + timedelta(seconds=begin + t + 3600.0 * offset):%Y-%m-%dT%H:%M:%S.%f}{offset:+03d}:00"
+        for t, offset in zip(time.tolist(), offsets, strict=True)
     ]
-    written(tmp_path / "log.csv", stamps, force, load)
-    np.testing.assert_allclose(read_log(tmp_path / "log.csv").time, time, atol=2e-3)
-
-
-@pytest.mark.parametrize("begin", [0.0, 59 * 60.0 + 58.0, 12 * 60.0])
-def test_minutes_and_seconds_go_on_over_the_hour(tmp_path: Path, begin: float) -> None:
-    time, force, load, _ = drawn(1)
-    stamps = [f"{int((begin + t) // 60) % 60:02d}:{(begin + t) % 60:06.3f}" for t in time.tolist()]
     written(tmp_path / "log.csv", stamps, force, load)
     check(tmp_path / "log.csv", time, force, load)
 
 
-@pytest.mark.parametrize("mark", ["\u202f", "\u00a0", "\u2009", "'"])
-def test_marks_between_thousands_are_no_delimiters(tmp_path: Path, mark: str) -> None:
-    time, force, load, _ = drawn(2)
+@pytest.mark.parametrize("seed", SIBLINGS)
+def test_minutes_and_seconds_go_on_over_the_hour(tmp_path: Path, seed: int) -> None:
+    time, force, load, random = drawn(seed)
+    begin = 3600.0 - random.uniform(0.0, 5.0) if seed % 2 else np.round(random.uniform(0.0, 3590.0), 3)
+    begin, width = np.round(begin, 3), random.choice([1, 2])
+    stamps = [f"{int((begin + t) // 60) % 60:0{width}d}:{(begin + t) % 60:06.3f}" for t in time.tolist()]
+    written(tmp_path / "log.csv", stamps, force, load)
+    check(tmp_path / "log.csv", time, force, load)
 
+
+@pytest.mark.parametrize("seed", SIBLINGS)
+def test_marks_between_thousands_are_no_delimiters(tmp_path: Path, seed: int) -> None:
+    time, force, load, random = drawn(seed)
+    mark, digits = random.choice(["\u202f", "\u00a0", "\u2009", "'", "\u2019"]), int(random.integers(1, 4))
+    delimiter, point = (";", ",") if random.random() < 0.7 else ("\t", ".")
     rows = ""
-    for row in zip(1e3 * time + 1e4, 1e3 * force, 1e3 * load, strict=True):
-        rows += ";".join(f"{value:,.1f}".replace(",", mark).replace(".", ",") for value in row) + "\n"
-    (tmp_path / "log.csv").write_text(f"Time [ms];Fx [mN];Fz [mN]\n{rows}", encoding="utf-8")
+    for row in zip(1e3 * time + 10.0 ** random.integers(3, 6), 1e3 * force, 1e3 * load, strict=True):
+        rows += delimiter.join(f"{value:,.{digits}f}".replace(",", mark).replace(".", point) for value in row) + "\n"
+    head = delimiter.join(("Time [ms]", "Fx [mN]", "Fz [mN]"))
+    (tmp_path / "log.csv").write_text(f"{head}\n{rows}", encoding="utf-8")
     check(tmp_path / "log.csv", time, force, load, 1e-3)
 
 
-@pytest.mark.parametrize("form", ["%d-%b-%Y %H:%M:%S.%f", "%d %B %Y %T.%f", "%b %d %Y %T.%f", "%Y%m%dT%H%M%S.%f"])
-def test_a_date_may_name_its_month_or_have_no_marks(tmp_path: Path, form: str) -> None:
-    time, force, load, _ = drawn(1)
-    begin = datetime(2024, 2, 29, 23, 59, 58)
-    written(tmp_path / "log.csv", ((begin + timedelta(seconds=t)).strftime(form) for t in time.tolist()), force, load)
+FORMS = ("%d-%b-%Y %H:%M:%S.%f", "%d %B %Y %T.%f", "%b %d %Y %T.%f", "%b %d, %Y %I:%M:%S.%f %p", "%Y%m%dT%H%M%S.%f")
+
+
+@pytest.mark.parametrize("seed", SIBLINGS)
+def test_a_date_may_name_its_month_or_have_no_marks(tmp_path: Path, seed: int) -> None:
+    time, force, load, random = drawn(seed)
+    begin = datetime(2024, 2, 29, 23, 59, 58) + timedelta(seconds=int(random.integers(0, 10**8)))
+    stamps = ((begin + timedelta(seconds=t)).strftime(FORMS[seed % len(FORMS)]) for t in time.tolist())
+    written(tmp_path / "log.csv", (f'"{stamp}"' for stamp in stamps), force, load)
     check(tmp_path / "log.csv", time, force, load)
 
 
-@pytest.mark.parametrize("said", [{}, {"time": "10 ms"}, {"time": "0.01 s/0.01 s"}])
-def test_a_header_may_say_what_one_count_is(tmp_path: Path, said: dict[str, str]) -> None:
-    time, force, load, _ = drawn(0)
-    written(tmp_path / "log.csv", (100.0 * time).tolist(), force, load, unit="0.01 s")
-    np.testing.assert_allclose(read_log(tmp_path / "log.csv", units=said).time, time, atol=2e-6)
+@pytest.mark.parametrize("seed", SIBLINGS)
+def test_a_header_may_say_what_one_count_is(tmp_path: Path, seed: int) -> None:
+    time, force, load, random = drawn(seed)
+    count, unit = random.choice([0.01, 0.1, 0.5, 2.0, 5.0, 10.0, 20.0]), random.choice(["s", "ms", "us"])
+    one, word = count * {"s": 1.0, "ms": 1e-3, "us": 1e-6}[unit], f"{count:g} {unit}"
+    written(tmp_path / "log.csv", (f"{t / one:.9g}" for t in time.tolist()), force, load, unit=word)
+    for said in ({}, {"time": f"{1e3 * one:.9g} ms"}, {"time": f"{word}/{word}"}):
+        np.testing.assert_allclose(read_log(tmp_path / "log.csv", units=said).time, time, atol=1e-8 * time[-1])
 
 
-@pytest.mark.parametrize(("shown", "stored"), [("0.0%", 0.01), ("0.00", 1.0)])
-def test_a_cell_shown_in_percent_holds_a_hundredth_of_it(tmp_path: Path, shown: str, stored: float) -> None:
-    time, force, load, _ = drawn(4, rows=200)
+@pytest.mark.parametrize("seed", SIBLINGS)
+def test_a_cell_shown_in_percent_holds_a_hundredth_of_it(tmp_path: Path, seed: int) -> None:
+    time, force, load, random = drawn(seed, rows=200)
+    shown = random.choice(["0%", "0.0%", "0.00%"] if seed % 2 else ["General", "0", "0.00"])
     book = openpyxl.Workbook()
     sheet = book.active
-    sheet.append(["Time [s]", "COF [%]", "Fz [N]"])
+    sheet.append(["Time [s]", random.choice(["COF [%]", "COF (%)", "Friction coefficient [%]"]), "Fz [N]"])
     for t, f, n in zip(time.tolist(), force.tolist(), load.tolist(), strict=True):
-        sheet.append([t, stored * 100.0 * f / n, n])
+        sheet.append([t, (1.0 if seed % 2 else 100.0) * f / n, n])
         sheet.cell(sheet.max_row, 2).number_format = shown
     book.save(tmp_path / "log.xlsx")
     check(tmp_path / "log.xlsx", time, force, load)
+
+
+@pytest.mark.parametrize("seed", SIBLINGS)
+def test_rows_may_have_names_that_the_header_leaves_out(tmp_path: Path, seed: int) -> None:
+    """As R's write.table leaves them."""
+    time, force, load, random = drawn(seed)
+    mark, quote = random.choice(["\t", " ", ","]), random.choice(['"', ""])
+    names = mark.join(f"{quote}{name}{quote}" for name in ("Time_s", "Fx_N", "Fz_N"))
+    rows = (mark.join((f"{quote}{i}{quote}", *map(repr, row))) for i, row in enumerate(zip(
+        time.tolist(), force.tolist(), load.tolist(), strict=True), 1))  # fmt: skip
+    (tmp_path / "log.txt").write_text("\n".join([names, *rows]) + "\n")
+    check(tmp_path / "log.txt", time, force, load)
