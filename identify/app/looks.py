@@ -11,6 +11,7 @@ import re
 import subprocess
 import sys
 import threading
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from itertools import count
 from pathlib import Path
@@ -19,15 +20,18 @@ from data_io.atomic import atomic_write
 from data_io.record import within
 from identify.app.folder import Document, Folder, read_json
 from identify.app.jobs import same_code
-from identify.base.document import to_document
+from identify.app.results import as_shown
+from identify.base.document import Json
 from identify.base.wording import quantity, speed_text
 from identify.logs.classical import table_of
 from identify.logs.prepare import Segmented
 from identify.logs.recorded_drive import SPEED_TEXT, speed_in
 from identify.logs.regime import look
+from identify.report.report_tables import stroke_table
 from identify.report.stored_result import plain
 
 LONGEST = 1800.0  # seconds that the inspection of one log may take
+MOST_STROKES = 3  # beside each other in the classical table
 NICE = 10  # of its process: what a person waits for goes first
 ENDINGS = re.compile(r"(\.[a-z]\w{0,6})+$", re.IGNORECASE)
 
@@ -145,6 +149,12 @@ def row_of(name: str, size: int, log: Document | None) -> Document:
     }
 
 
+def classical_shown(rows: Sequence[Mapping[str, Json]]) -> Document:
+    """The classical table of the first strokes of a log."""
+    heads = [f"step {row['step']} stroke {row['stroke']}" if len(rows) > 1 else "value" for row in rows[:MOST_STROKES]]
+    return as_shown(stroke_table(list(zip(heads, rows, strict=False))))
+
+
 def seen_by_a_fit(log: Segmented) -> Document:
     """Cycles, classical table and account of a log with the cuts of its entry, as a fit will take it."""
     entry, cycles, slope = log.entry, log.phases.cycles, log.phases.stick_slope
@@ -157,7 +167,7 @@ def seen_by_a_fit(log: Segmented) -> Document:
         "noise": log.noise,
         "regime": "" if log.verdict.regime is None else log.verdict.regime.value.replace("_", " "),
         "evidence": list(log.verdict.evidence),
-        "table": to_document(table_of(shown, look(shown, log.speed), log.rig.stiffness)),
+        "table": classical_shown(table_of(shown, look(shown, log.speed), log.rig.stiffness).rows),
         "stick_slope": None if slope is None else slope[0],
         "stiffness_of_sticks": None if slope is None else slope[0] / log.speed,
         "changes": [change.text for change in log.corrected.changes],

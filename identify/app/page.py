@@ -18,7 +18,7 @@ from identify import examples
 from identify.app.curves import OpenLogs
 from identify.app.folder import Document, Folder, PageError, PageQuery
 from identify.app.jobs import Jobs, words_of
-from identify.app.looks import Looks, row_of, seen_by_a_fit
+from identify.app.looks import Looks, classical_shown, row_of, seen_by_a_fit
 from identify.app.results import batch_seen, fit_picture, fit_row, fit_seen, residuals
 from identify.app.scenes import Scenes, edited, with_log
 from identify.app.simulations import answer_at, axes_of, site_at, start_from_data, tried
@@ -47,7 +47,10 @@ class Page:
             "cancel": ("POST", lambda q: self.jobs.cancel(q.text("id"))),
             "fit": ("GET", lambda q: fit_seen(folder, q.text("path"))),
             "batch": ("GET", lambda q: batch_seen(folder, q.text("path"))),
-            "picture": ("GET", lambda q: fit_picture(folder, q.text("path"), q.text("kind"), q.text("form"))),
+            "picture": (
+                "GET",
+                lambda q: fit_picture(folder, *map(q.text, ("path", "kind", "form")), q.whole("columns", 1)),
+            ),
             "residuals": ("GET", lambda q: residuals(folder, q.text("path"), q.whole("number", 1), *self._span(q))),
             "examples": ("POST", lambda _: self._put_examples()),
             "manifest": ("POST", self._write_manifest),
@@ -125,6 +128,7 @@ class Page:
             "duration": float(opened.record.time[-1]),
             "has_speed": bool(opened.programme),
             "inspection": seen if entry is None else None,
+            "classical": classical_shown(seen["classical"]["rows"]) if seen and "classical" in seen else None,
             "cut": cut or None,
         }
 

@@ -14,8 +14,11 @@ from starlette.responses import Response
 from identify.app.curves import MOST_POINTS
 from identify.app.folder import Document, Folder, PageError, mapping, read_json
 from identify.app.simulations import ONE_AT_A_TIME
+from identify.base.errors import IdentifyError
 from identify.base.result import Result
+from identify.base.table import OutputTable
 from identify.report.finished import Fit
+from identify.report.report_tables import parameter_table
 from identify.report.report_wording import (
     NOT_FOR,
     accuracy_text,
@@ -26,13 +29,25 @@ from identify.report.report_wording import (
     tolerances_text,
 )
 from identify.report.stored_result import plain
-from identify.report.style import drawing_style, extremes
+from identify.report.style import COLUMN, TWO_COLUMNS, drawing_style, extremes
 
 Array = NDArray[np.float64]
-PICTURES = {"residual_histogram": ("residuals", ""), "friction": ("friction over sliding speed", "velocity_weakening"),
-            "ageing": ("strength over rest", "contact_ageing")}  # words, and the effect whose law it is  # fmt: skip
+# Words, and the effect whose law it is.
+PICTURES = {
+    "residual_histogram": ("residuals", ""),
+    "logs": ("all logs over each other", ""),
+    "friction": ("friction over sliding speed", "velocity_weakening"),
+    "ageing": ("strength over rest", "contact_ageing"),
+}
 FORMS = {"svg": "image/svg+xml", "pdf": "application/pdf", "png": "image/png"}
 SHOWN = ("status", "message", "parameters", "search", "not_tried", "accuracy", "timing_s")
+
+
+def as_shown(table: OutputTable) -> Document:
+    """A table in the very words of report and terminal."""
+    numbers = [any(isinstance(row[k].value, int | float) for row in table.cells) for k in range(len(table.columns))]
+    cells = [[{"text": cell.shown, "note": cell.note, "kind": cell.kind} for cell in row] for row in table.cells]
+    return {"columns": table.columns, "numbers": numbers, "rows": cells}
 
 
 def fit_seen(folder: Folder, name: str) -> Document:
@@ -66,6 +81,7 @@ def fit_seen(folder: Folder, name: str) -> Document:
     whole = result.status == "converged" and uneven is None and all(e.value for e in result.parameters.values())
     laws = ("", *result.effects.names) if whole else ()
     return {key: document.get(key) for key in SHOWN} | {
+        "table": as_shown(parameter_table(result.parameters)),
         "tolerances": tolerances_text(result.tolerances or {}),
         "accuracy_line": accuracy_text(result.accuracy),
         "uneven": uneven,
@@ -78,13 +94,15 @@ def fit_seen(folder: Folder, name: str) -> Document:
     }
 
 
-def fit_picture(folder: Folder, name: str, kind: str, form: str) -> Response:
-    """One of PICTURES of the fit in a folder, at the width of a column of a paper (a PNG at 300 dpi)."""
+def fit_picture(folder: Folder, name: str, kind: str, form: str, columns: int) -> Response:
+    """One of PICTURES of the fit in a folder, at the width of one or two columns of a paper (a PNG at 300 dpi)."""
     if kind not in PICTURES or form not in FORMS:
         raise PageError(f"a fit has no picture {kind}.{form}; load the page again")
     out = io.BytesIO()
     with ONE_AT_A_TIME, drawing_style():
-        getattr(Fit.load(folder.path(name)), f"plot_{kind}")().figure.savefig(out, format=form, dpi=300)
+        figure = getattr(Fit.load(folder.path(name)), f"plot_{kind}")().figure
+        figure.set_size_inches(COLUMN if columns == 1 else TWO_COLUMNS)
+        figure.savefig(out, format=form, dpi=300)
     return Response(out.getvalue(), media_type=FORMS[form])
 
 
@@ -130,6 +148,12 @@ def batch_seen(folder: Folder, name: str) -> Document:
     for path in sorted(place.glob("*/job.json")):
         job, fit = read_json(path) or {}, folder.name(path.parent)
         row: Document = fit_row(folder, fit) | {"fit": fit} if (path.parent / "result.json").is_file() else {}
+        with suppress(IdentifyError):  # of no whole result
+            shown = parameter_table(Result.from_dict(read_json(path.parent / "result.json") or {}).parameters)
+            row["shown"] = {
+                str(name.value): f"{value.shown} {unit.shown}".removesuffix(" 1")
+                for name, value, unit in shown.select("parameter", "value", "unit").cells
+            }
         row |= {key: str(job.get(key, "")) for key in ("group", "status", "message")}
         groups.append(row | {"labels": about.get(path.parent.name, {}).get("labels", {})})
     labels = sorted({label for group in about.values() for label in group["labels"]})

@@ -18,6 +18,7 @@ from identify.app.folder import Document, Folder, PageError, mapping
 from identify.base.errors import SceneError
 from identify.effects import ALL, MAIN
 from identify.effects.quantities import Effect
+from identify.report.report_wording import plain_symbol
 from identify.scene import Scene
 from identify.scene.parameters import declared_by
 from identify.scene.toml import parsed, question_bare_numbers
@@ -279,8 +280,8 @@ def _parameters(on: Sequence[str], stated: Mapping[str, object], scene: Scene | 
         given = stated.get(p.name)
         table = given if isinstance(given, Mapping) else {} if given is None else {"fixed": given}
         typed = {word: _shown(table.get(word)) for word in ("start", "lower", "upper", "fixed")}
-        names = ("name", "symbol", "unit", "meaning", "kind")
+        names = ("name", "unit", "meaning", "kind")
         numbers = {"lowest": p.lower, "highest": p.upper, "value": values.get(p.name, p.default)}
-        described = {name: getattr(p, name) for name in names} | {"logarithmic": p.scale == "log"}
-        rows.append(described | numbers | typed)
+        described = {name: getattr(p, name) for name in names} | {"symbol": plain_symbol(p.name)}
+        rows.append(described | {"logarithmic": p.scale == "log"} | numbers | typed)
     return rows

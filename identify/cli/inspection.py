@@ -12,16 +12,16 @@ from numpy.typing import NDArray
 from data_io import Record, Step
 from data_io.quality import percent
 from data_io.record import WINDOW_START
-from identify.base.document import Json, to_dict, to_document
+from identify.base.document import to_dict, to_document
 from identify.base.result import ClassicalTable
-from identify.base.wording import DASH, columns, number, programme_text, quantity, scale_for, split_key, wrapped
+from identify.base.wording import DASH, columns, number, programme_text, quantity, wrapped
 from identify.logs.classical import table_of
 from identify.logs.judgement import Judgement, RecordPart, judge
 from identify.logs.recorded_drive import NOT_STATED, RecordedDrive, drive_of, recorded_drive
 from identify.logs.regime import SURE, Known, LogRegime, Regime, joined, look, only_of
 from identify.logs.segment import SLIDING, SLIP, STICK, Segmentation
+from identify.report.report_tables import stroke_table, with_sd
 
-HEADINGS = ("run", "step", "stroke", "regime", "direction")
 MOST_STROKES = 2  # fit beside each other in 80 columns
 LONGEST_NAME = 24  # of a log in the table of all, which is to fit in 80 columns
 THUMBNAIL = 60  # stretches of the thumbnail of a log
@@ -180,30 +180,16 @@ def _classical_lines(table: ClassicalTable) -> Iterator[str]:
     both directions of strokes to and fro, apart."""
     longest = sorted(table.rows, key=lambda stroke: stroke["samples"], reverse=True)[:MOST_STROKES]  # type: ignore[arg-type,return-value]
     shown = [stroke for stroke in table.rows if stroke in longest]
-    rows = [["classical table", *(f"step {s['step']} stroke {s['stroke']}" for s in shown)]]
-    spreads = {key.replace("_sd", "", 1): key for key in shown[0] if "_sd" in key}
-    for key in (key for key in shown[0] if key not in HEADINGS and "_sd" not in key):
-        name, unit = split_key(key)
-        cells = [_cell(stroke.get(key), stroke.get(spreads.get(key, "")), unit) for stroke in shown]
-        if any(cell != DASH for cell in cells):
-            rows.append([name, *cells])
-    yield columns(rows)
+    heads = [f"step {stroke['step']} stroke {stroke['stroke']}" for stroke in shown]
+    yield stroke_table(list(zip(heads, shown, strict=True)), "classical table").to_text()
     if len(table.rows) > len(shown):
         yield f"  … and {len(table.rows) - len(shown)} strokes more: see --json"
     if table.directions:
         heads = ("all strokes", "strokes", "coefficient", "last against first tenth")
         each = [("forth" if mean.direction > 0 else "back", str(mean.strokes),
-                 _cell(mean.coefficient, mean.coefficient_sd, ""), _cell(mean.trend_percent, None, "%"))
+                 with_sd(mean.coefficient, mean.coefficient_sd), quantity(mean.trend_percent, "%", 3))
                 for mean in table.directions]  # fmt: skip
         yield columns(list(map(list, zip(heads, *each, strict=True))))
-
-
-def _cell(value: Json, sd: Json, unit: str) -> str:
-    if not isinstance(value, int | float):
-        return DASH
-    scale = scale_for(value, unit)
-    scatter = f" ± {number(sd / scale.factor, 2)}" if isinstance(sd, int | float) and sd else ""
-    return f"{number(value / scale.factor, 3)}{scatter} {scale.unit}".rstrip()
 
 
 def overview(logs: Sequence[tuple[str, Inspection | None]]) -> str:

@@ -26,12 +26,11 @@ FEWEST_ROWS = 20
 RUBS = 5.0  # times its noise: a smaller force is that of a drive at rest, and has no trend
 
 DEFINITIONS: Mapping[str, str] = {
-    "mean_coefficient": "friction force over normal force, mean over time from the first breakaway on",
     "first_breakaway_coefficient": "force peak that ends the first loading from rest, over the normal force there",
     "static_peak_coefficient": "mean over slips of the force peak before the slip over the normal force there, "
     "the first breakaway apart",
-    "kinetic_mean_coefficient": "mean over time from the first breakaway on, as the standards of films, papers and "
-    "plastics have it (ISO 8295, ASTM D1894)",
+    "kinetic_mean_coefficient": "friction force over normal force, mean over time from the first breakaway on, as the "
+    "standards of films, papers and plastics have it (ISO 8295, ASTM D1894)",
     "slip_middle_coefficient": "mean over slips of the middle between force peak and valley, where the undamped "
     "slip is symmetric, over the normal force",
     "static_rest_s": "median over the same slips of the time from the valley before to the peak: a static coefficient "
@@ -189,7 +188,6 @@ def _coefficients(part: _Part) -> Figures:
     rest = float(np.median(cycles.onset[1:] - cycles.arrest[:-1])) if pressed and cycles.count > 1 else None
     out: Figures = {}
     for name, values, reason, of_sd in (
-        ("mean", moved, "nothing slides here", "nothing slides here"),
         ("static_peak", peaks, peaks_missing, peaks_missing if cycles.count < 2 else few),
         ("kinetic_mean", moved, "nothing slides here", "nothing slides here"),
         ("slip_middle", middles, few, few),

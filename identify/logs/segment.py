@@ -8,7 +8,6 @@ from itertools import pairwise
 from math import log, sqrt
 
 import numpy as np
-import scipy
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
@@ -333,6 +332,23 @@ def _span_of_noise(averages: float) -> float:
     return 2.0 * sqrt(2.0 * log(max(averages, 8.0)))
 
 
+def _turning_points(values: Array, height: float) -> tuple[Indices, Indices]:
+    """Indices of the peaks that stand out by more than a height, and of the valley after each (n,).
+
+    The extremes of a hysteresis: `scipy.signal.find_peaks(prominence=height)` says the same, takes a tenth of the
+    processor time of a fit to load, and leaves peaks of one height without a fall between them.
+    """
+    turns, sign, extreme, at = list[int](), -1.0, -float(values[0]), 0  # first a valley is looked for
+    for i, value in enumerate(values.tolist()):
+        if sign * value >= extreme:
+            extreme, at = sign * value, i
+        elif extreme - sign * value > height:
+            turns.append(at)
+            sign, extreme, at = -sign, -sign * value, i
+    turns += [at] if sign < 0 else []
+    return np.array(turns[1::2], dtype=np.int64), np.array(turns[2::2], dtype=np.int64)
+
+
 def _with_falls(trace: _Trace, threshold: float, last_rise: float) -> _Trace:
     """The falls whose peaks are as prominent, with a rise of more than `last_rise` after the last of them [N]."""
     values = trace.coarse
@@ -344,11 +360,7 @@ def _with_falls(trace: _Trace, threshold: float, last_rise: float) -> _Trace:
         within += block * np.arange(table.shape[0])[:, None]
         corners = np.unique(np.append(within.ravel(), values.size - 1))
     reduced = values[corners]
-    peaks = scipy.signal.find_peaks(reduced, prominence=threshold)[0]
-    for _ in range(2):  # of peaks of one height without a fall between them the last one counts
-        edges = [*peaks.tolist(), reduced.size]
-        valleys = np.array([a + int(np.argmin(reduced[a:b])) for a, b in pairwise(edges)], dtype=np.int64)
-        peaks = peaks[reduced[peaks] - reduced[valleys] > threshold] if peaks.size else peaks
+    peaks, valleys = _turning_points(reduced, threshold)
     if peaks.size and float(np.max(reduced[valleys[-1] :]) - reduced[valleys[-1]]) <= last_rise:
         peaks, valleys = peaks[:-1], valleys[:-1]
     before = reduced[: peaks[0] + 1] if peaks.size else reduced

@@ -63,7 +63,7 @@ def draw_map(
         OSError: the file cannot be written.
     """
     with drawing_style(), atomic_path(path) as temporary:
-        _map(chart, part, others, tested).savefig(temporary, dpi=DPI)
+        map_figure(chart, part, others, tested).savefig(temporary, dpi=DPI)
 
 
 def draw_line(answer: LineMap, path: File) -> None:
@@ -119,7 +119,8 @@ class _Canvas:
         return Path.make_compound_path(*loops) if loops else None
 
 
-def _map(chart: Chart, part: str, others: Sequence[tuple[float, float]], tested: Tested | None) -> Figure:
+def map_figure(chart: Chart, part: str, others: Sequence[tuple[float, float]], tested: Tested | None) -> Figure:
+    """The figure of `draw_map`, one journal column wide; inside `drawing_style`."""
     quantities = (chart.plane.x, chart.plane.y)
     factors = np.array([scale_for(abs(q.value), q.unit).factor for q in quantities])
     x, y = chart.plane.x_values / factors[0], chart.plane.y_values / factors[1]

@@ -15,13 +15,14 @@ from identify.base.document import Json, to_dict
 from identify.base.errors import FitError
 from identify.base.outcome import CYCLE_COLUMNS, LogCurves, Status
 from identify.base.result import Result
+from identify.base.wording import quantity as quantity_text
 from identify.base.wording import wrapped
 from identify.prediction.draws import Draws
 from identify.prediction.predict import PointPrediction, predict
-from identify.prediction.sources import pair_of, scenes_at, site_of
+from identify.prediction.sources import Tested, pair_of, scenes_at, site_of
 from identify.prediction.windows import QUANTILES
 from identify.report.report_page import first_screen
-from identify.report.report_tables import classical_table, summary
+from identify.report.report_tables import classical_table, parameter_table, summary
 from identify.report.report_wording import plain_symbol
 from identify.report.stored_result import plain, read_curves, read_document, scene_of, write_report
 from identify.report.style import FITTED, MEASURED, QUIET, RESIDUAL, SHADE, axes_of, drawing_style
@@ -140,6 +141,26 @@ class Fit:
             raise FitError(f"this fit has no correlation: {self.typed.message}")
         return pd.DataFrame(known.matrix, index=known.names, columns=known.names, dtype=float)
 
+    @property
+    def covariance(self) -> pd.DataFrame:
+        """Covariance of the estimates (f, f) in products of their SI units, errors of rig and sensors included, by
+        name; NaN of what is not identifiable."""
+        errors = self.parameters["standard_error"][self.correlation.index]
+        return self.correlation.mul(errors, axis=0).mul(errors, axis=1)
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """The parameters as the report shows them: value, intervals and unit of the lab, verdict, all text."""
+        import pandas as pd
+
+        shown = parameter_table(self.typed.parameters)
+        names = [str(name.value) for name, *_ in shown.cells]
+        return pd.DataFrame([[c.shown for c in row[1:]] for row in shown.cells], names, list(shown.columns[1:]))
+
+    def to_latex(self) -> str:
+        """That table as a longtable for \\input into a paper (packages booktabs and longtable)."""
+        return parameter_table(self.typed.parameters).to_latex()
+
     def residuals(self, log: int = 1) -> Array:
         """Measured less fitted force (n,) of a log (from 1) [N]; NaN where nothing was fitted."""
         curves = self._curves(log)
@@ -167,6 +188,19 @@ class Fit:
             on.plot(curves.time, curves.fitted_force, color=FITTED, linewidth=1.0, label="fitted")
             on.set(xlabel="time (s)", ylabel="friction force (N)")
             on.legend(loc="lower right", ncols=2, bbox_to_anchor=(1.0, 1.0))
+        return on
+
+    def plot_logs(self, axes: Axes | None = None) -> Axes:
+        """Friction over normal force of all logs above the way of the drive [mm], each as far as the shortest goes."""
+        curves = [self._curves(number) for number in range(1, len(self.logs or self.typed.logs) + 1)]
+        ways = [1e3 * abs(log.drive_speed) * (log.time - log.time[0]) for log in curves]
+        with axes_of(axes) as on:
+            for log, way in zip(curves, ways, strict=True):
+                shown = way <= min(float(other[-1]) for other in ways)
+                label = f"{quantity_text(log.drive_speed, 'm/s')}"
+                on.plot(way[shown], (log.friction_force / log.normal_force)[shown], linewidth=0.8, label=label)
+            on.set(xlabel="way of the drive (mm)", ylabel="friction / normal force")
+            on.legend(loc="lower right", ncols=len(curves), bbox_to_anchor=(1.0, 1.0))
         return on
 
     def plot_residuals(self, log: int = 1, axes: Axes | None = None) -> Axes:
@@ -233,6 +267,16 @@ class Fit:
             unit = profile_curve(on, profile.parameters[parameter], entry, profile.limit)
             on.set(xlabel=f"{plain_symbol(parameter)}{unit}", ylabel="loss (χ²)")
         return on
+
+    def plot_map(self, x: str = "drive_speed", y: str = "stiffness", log: int = 1, points: int = 40) -> Axes:
+        """Where the pair sticks and slips or slides steadily over two quantities, about the operating point of a log
+        (from 1), as `stickslip stability --map` draws it; points: along each quantity."""
+        from identify.prediction.maps import stability_map
+        from identify.report.draw_map import map_figure
+
+        with drawing_style():
+            chart = stability_map(self.scene(log), x, y, points=points)
+            return map_figure(chart, "stability", (), Tested.of_result(self.typed)).axes[0]
 
     def plot_friction(self, log: int = 1, axes: Axes | None = None) -> Axes:
         """Kinetic coefficient over sliding speed [mm/s] by eq. (6) with the 95 % band of the draws; shaded: the drive

@@ -19,6 +19,7 @@ from identify.report.report_wording import plain_symbol, with_group
 FAR = 4.0  # standard errors beyond which a stated value stands out
 LOGS_PER_TABLE = 6
 MOST_CLASSICAL_COLUMNS = 60
+HEADINGS = ("run", "step", "stroke", "direction")  # of a stroke
 
 
 def value_text(entry: ParameterResult, scale: Scale) -> tuple[str, int]:
@@ -199,8 +200,8 @@ def held_table(held: Mapping[str, schema.HeldResult]) -> OutputTable:
         shown = [quantity(value, entry.unit) for value in (entry.stated, entry.from_data)]
         far = Cell(apart, f"{apart:.2g} SE", kind="strong" * (apart > FAR))
         rows.append((name.replace("_", " "), *shown, quantity(entry.standard_error, entry.unit, 2), far))
-    heads = ("", "stated", "by the data", "standard error (SE)", "apart")
-    return OutputTable("The rig as stated, and as the data would have it", heads, tuple(rows))
+    heads = ("", "stated", "estimated", "standard error (SE)", "apart")
+    return OutputTable("The rig as stated and as estimated", heads, tuple(rows))
 
 
 def classical_table(logs: Sequence[LogResult]) -> OutputTable:
@@ -214,33 +215,43 @@ def classical_table(logs: Sequence[LogResult]) -> OutputTable:
     return OutputTable("Classical table", ("log", "path", *names), tuple(body), "classical")
 
 
-def classical_pages(logs: Sequence[LogResult]) -> tuple[OutputTable, ...]:
-    """The classical table turned on its side: one column per log, step and stroke, one row per quantity.
+def stroke_table(strokes: Sequence[tuple[str, Mapping[str, Json]]], title: str = "") -> OutputTable:
+    """The classical figures, a column per (heading, stroke) and a row per quantity with its unit: value ± standard
+    deviation; without what no stroke has."""
+    rows: list[Row] = []
+    keys = dict.fromkeys(key for _, stroke in strokes for key in stroke)
+    spreads = {key.replace("_sd", "", 1): key for key in keys if "_sd" in key}
+    for key in keys:
+        values = [finite(stroke.get(key)) for _, stroke in strokes]
+        known = sorted(abs(value) for value in values if value is not None)
+        name, unit = wording.split_key(key)
+        if not known or key in (*HEADINGS, *spreads.values()):
+            continue
+        name, scale = report_wording.RECORD_WORDS.get(name, name), scale_for(known[len(known) // 2], unit)
+        sds = [finite(stroke.get(spreads.get(key, ""))) for _, stroke in strokes]
+        cells = [Cell(value, with_sd(value, sd, scale.factor)) for value, sd in zip(values, sds, strict=True)]
+        rows.append((Cell(f"{name} ({scale.unit})" if scale.unit else name, name, scale.unit), *cells))
+    return OutputTable("Classical table", (title, *(head for head, _ in strokes)), tuple(rows))
 
-    Several tables where there are many columns, so that they fit a sheet; at most 60 columns in all.
-    """
-    frame = classical_table(logs).to_frame().iloc[:MOST_CLASSICAL_COLUMNS]
-    keys = [key for key in ("step", "stroke", "direction") if key in frame and frame[key].notna().any()]
-    names = [n for n in frame.columns[2:] if n not in keys and (frame[n].notna() & frame[n].ne("")).any()]
-    tables = []
-    for first in range(0, len(frame), LOGS_PER_TABLE):
-        part = frame.iloc[first : first + LOGS_PER_TABLE].to_dict("records")
-        heads = [", ".join([f"log {row['log']}", *(f"{k} {number(row[k])}" for k in keys if row[k])]) for row in part]
-        body: list[Row] = []
-        for key in names:
-            name, unit = wording.split_key(str(key))
-            values = [finite(row[key]) for row in part]
-            numbers = sorted(abs(value) for value in values if value is not None)
-            scale = scale_for(numbers[len(numbers) // 2] if numbers else None, unit)
-            cells = (
-                Cell(str(row[key] or DASH).replace("_", " "))
-                if value is None
-                else Cell(value, number(value / scale.factor))
-                for row, value in zip(part, values, strict=True)
-            )
-            body.append((Cell(report_wording.RECORD_WORDS.get(name, name), note=scale.unit), *cells))
-        tables.append(OutputTable("Classical table", ("", *heads), tuple(body)))
-    return tuple(tables)
+
+def with_sd(value: float | None, sd: float | None, factor: float = 1.0) -> str:
+    """A value ± its standard deviation in a unit of this size, with the decimals of the latter, at least three digits
+    of the value."""
+    if value is None or not sd:
+        return number(None if value is None else value / factor)
+    places = wording.places_of_positive(sd / factor, value / factor)
+    return f"{decimals(value / factor, places)} ± {decimals(sd / factor, places)}"
+
+
+def classical_pages(logs: Sequence[LogResult]) -> tuple[OutputTable, ...]:
+    """The classical table with one column per log, step and stroke; several where there are many columns, so that they
+    fit a sheet; at most 60 columns in all."""
+    strokes = [
+        (", ".join([f"log {place}", *(f"{k} {number(finite(row[k]))}" for k in ("step", "stroke") if row.get(k))]), row)
+        for place, log in enumerate(logs, start=1)
+        for row in log.classical.rows
+    ][:MOST_CLASSICAL_COLUMNS]
+    return tuple(stroke_table(strokes[i : i + LOGS_PER_TABLE]) for i in range(0, len(strokes), LOGS_PER_TABLE))
 
 
 def definitions(logs: Sequence[LogResult]) -> list[tuple[str, str]]:

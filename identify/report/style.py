@@ -24,7 +24,7 @@ MEASURED, BEHIND, FITTED, RESIDUAL = "#3f4750", "#a3aeb8", "#D55E00", "#56B4E9"
 ONSET, ARREST, SLIDING = "#009E73", "#CC79A7", "#0072B2"
 SHADE, QUIET = "#e9edf1", "#7a858f"
 WIDE, HALF = 10.2, 5.05  # figure widths [inch]: the whole page and half of it
-COLUMN = (3.5, 2.6)  # [inch]: one column of a journal
+COLUMN, TWO_COLUMNS = (3.5, 2.6), (7.1, 3.0)  # [inch]: one column of a journal, and both
 LONGEST = 60  # characters of a name of a log in a picture
 TEXT, EDGE, TICK = "#2b333b", "#a9b3bc", "#56616b"
 STYLE: dict[str, object] = {
@@ -36,6 +36,7 @@ STYLE: dict[str, object] = {
     "axes.spines.top": False, "axes.spines.right": False, "axes.formatter.useoffset": False,
     **{f"{axis}tick.{key}": value for axis in "xy" for key, value in
        {"color": TICK, "labelsize": 8, "major.width": 0.7, "major.size": 3}.items()},
+    "axes.prop_cycle": f"cycler('color', {[SLIDING, FITTED, ONSET, ARREST, RESIDUAL, MEASURED]})",
     "axes.grid": True, "grid.color": "#e4e8ec", "grid.linewidth": 0.6, "axes.axisbelow": True,
     "legend.frameon": False, "legend.fontsize": 8, "lines.linewidth": 1.1, "lines.solid_joinstyle": "round",
     "path.simplify": True, "path.simplify_threshold": 0.2, "svg.fonttype": "none", "svg.hashsalt": "stickslip",

@@ -108,7 +108,7 @@ def test_sliding_alone_holds_its_level_and_says_so():
     assert "friction level at its speed (1 mm/s)" in result["message"] and "add a log that sticks" in result["message"]
     assert {found["verdict"] for found in result["parameters"].values()} == {"not identifiable"}
     assert (row["cycles"], row["sliding_percent"]) == (0, pytest.approx(100.0))
-    assert row["mean_coefficient"] == pytest.approx(0.45, rel=0.01)
+    assert row["kinetic_mean_coefficient"] == pytest.approx(0.45, rel=0.01)
     fitted = outcome.logs[0].fitted_force[np.isfinite(outcome.logs[0].fitted_force)]
     assert fitted == pytest.approx(0.9, abs=1e-3) and fitted.size > 2900
 

@@ -49,7 +49,7 @@ def test_rows_that_lift_off_take_no_part_in_a_ratio(seed):
     force = mu * np.where(pressed, load, 0.0) + 2e-3 * load * random.standard_normal(time.size)
     _, row, codes = seen(time, force, normal)
     expected = float(np.mean(force[pressed] / normal[pressed]))
-    assert row["mean_coefficient"] == pytest.approx(expected, rel=1e-3) and "unloaded_rows" in codes
+    assert row["kinetic_mean_coefficient"] == pytest.approx(expected, rel=1e-3) and "unloaded_rows" in codes
 
 
 @pytest.mark.parametrize("seed", SIBLINGS)
@@ -90,7 +90,7 @@ def test_slow_wear_is_a_trend_of_sliding_and_no_stick(seed):
     force = 30.0 * np.interp(time, [0.0, until], [begin, end]) + 0.06 * random.standard_normal(time.size)
     regime, row, codes = seen(time, force, 30.0)
     assert regime is Regime.SLIDING and "friction_drift" in codes
-    assert row["mean_coefficient"] == pytest.approx(float(np.mean(force)) / 30.0, rel=1e-3)
+    assert row["kinetic_mean_coefficient"] == pytest.approx(float(np.mean(force)) / 30.0, rel=1e-3)
 
 
 @pytest.mark.parametrize("seed", SIBLINGS)
@@ -104,7 +104,7 @@ def test_the_regime_under_a_changing_load_is_that_of_the_coefficient(seed):
     mu = random.uniform(0.2, 0.8)
     force = load * (mu + 0.005 * mu * random.standard_normal(time.size))
     regime, row, _ = seen(time, force, load)
-    assert regime is Regime.SLIDING and row["mean_coefficient"] == pytest.approx(mu, rel=2e-3)
+    assert regime is Regime.SLIDING and row["kinetic_mean_coefficient"] == pytest.approx(mu, rel=2e-3)
 
 
 @pytest.mark.parametrize("seed", SIBLINGS)
@@ -114,7 +114,7 @@ def test_hum_of_the_mains_is_no_stick_slip(seed):
     hum = 0.04 * np.sin(2 * np.pi * mains * time + random.uniform(0.0, 6.0))
     force = 0.8 + hum + 3e-3 * random.standard_normal(time.size)
     regime, row, _ = seen(time, force, 2.0)
-    assert regime is Regime.SLIDING and row["mean_coefficient"] == pytest.approx(0.4, rel=2e-3)
+    assert regime is Regime.SLIDING and row["kinetic_mean_coefficient"] == pytest.approx(0.4, rel=2e-3)
     assert row["rhythm_Hz"] == pytest.approx(mains, rel=5e-3)
     other = 0.8 + 0.04 * np.sin(2 * np.pi * 37.0 * time) + 3e-3 * random.standard_normal(time.size)
     assert seen(time, other, 2.0)[0] is Regime.NEAR_HARMONIC  # negative control: a rhythm of its own

@@ -1,13 +1,15 @@
 """Segmentation against the true events of an independent integrator, and on records that hold traps."""
 
 import time as clock
+from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.signal import find_peaks
 
 from identify.logs.noise import spikes, uneven, white_noise
 from identify.logs.regime import Known, Regime, classify
-from identify.logs.segment import SLIDING, SLIP, STICK, segment
+from identify.logs.segment import SLIDING, SLIP, STICK, _turning_points, segment
 from tests.support import oracle
 
 PAIR = {
@@ -277,3 +279,16 @@ def test_more_noise_and_fewer_samples():
         found = segment(t[::every], f[::every], half_period=HALF_PERIOD)
         missed, extra = misses_and_extras(run, found, duration)
         assert extra == 0 and missed <= (0.2 * run.onsets.size if found.low_snr else 0)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_turning_points_are_the_peaks_of_that_prominence(seed):
+    """The reference is scipy's; a plateau, of which it names the middle, has no chance in random walks."""
+    random = np.random.default_rng(seed)
+    walk = np.cumsum(random.standard_normal(300))
+    height = random.uniform(0.5, 5.0)
+    peaks, valleys = _turning_points(walk, height)
+    assert np.array_equal(peaks, find_peaks(walk, prominence=height)[0])
+    edges = [*peaks.tolist(), walk.size]
+    assert valleys.tolist() == [a + int(np.argmin(walk[a:b])) for a, b in pairwise(edges)]
+    assert np.all(walk[peaks] - walk[valleys] > height) and not _turning_points(np.sort(walk), height)[0].size

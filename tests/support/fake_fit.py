@@ -137,7 +137,7 @@ def _document(curves: tuple[LogCurves, ...]) -> dict[str, Any]:
 def _log_document(position: int, log: LogCurves) -> dict[str, Any]:
     drop = float(np.mean(log.cycles[:, 2] - log.cycles[:, 3]))
     period = float(np.mean(np.diff(log.cycles[:, 0])))
-    row = {"step": 1, "stroke": 1, "mean_coefficient": 0.512, "static_peak_coefficient": 0.618, "drop_N": drop}
+    row = {"step": 1, "stroke": 1, "kinetic_mean_coefficient": 0.512, "static_peak_coefficient": 0.618, "drop_N": drop}
     return {
         "path": f"logs/{log.name}",
         "sha256": f"{position:064x}",

@@ -34,6 +34,14 @@ export function table(heading, rows, attributes = {}) {
     element("tbody", {}, rows.map((row) => element("tr", {}, row.map((value, column) => cell("td", value, column)))))));
 }
 
+/** A table whose texts the server wrote, as report and terminal have them; `more`: of a row by its number, further cells. */
+export const shownTable = ({ columns, numbers, rows }, attributes = {}, further = [], more = () => []) => table(
+  [...columns.map((name, i) => numbers[i] ? { number: name } : name), ...further],
+  rows.map((row, at) => [...row.map(({ text, note, kind }, i) => {
+    const inside = [element("span", { class: kind }, text), note ? element("small", { class: i ? "under" : "" }, ` ${note}`) : null];
+    return numbers[i] ? { number: inside } : inside;
+  }), ...more(at)]), attributes);
+
 export const button = (text, work, attributes = {}) => element("button", { type: "button", onclick: guarded(work), ...attributes }, text);
 export const link = (text, view, asked) => element("a", { href: address(view, asked) }, text);
 export const choice = (options, value, change, attributes = {}) => element("select", { onchange: (event) => change(event.target.value), ...attributes },
@@ -143,17 +151,6 @@ export function quantity(value, unit = "", digits = 4) {
 }
 /** The unit in which a value is shown, and its size in SI. */
 export const shownIn = (value, unit) => { const known = UNITS[unit] ?? [[unit, 1]]; return known.find(([, size]) => Math.abs(value) >= 0.0999 * size) ?? known[known.length - 1]; };
-/** Numbers in one unit and with the same decimals: as many as show the difference of the ends with two digits. */
-export function together(values, ends, unit) {
-  const finite = [...values, ...(ends ?? [])].filter((value) => Number.isFinite(value)), [low, high] = ends ?? [null, null];
-  const largest = Math.max(...finite.map(Math.abs)), [name, factor] = shownIn(largest, unit);
-  const width = (low === null || high === null ? 0 : Math.abs(high - low)) || largest * 1e-2 || 1, decimals = Math.min(8, Math.max(0, 1 - Math.floor(Math.log10(width / factor))));
-  return [values.map((value) => Number.isFinite(value) ? (value / factor).toFixed(decimals).replace("-", "−") : null), name];
-}
-export function interval(ends, unit) {
-  const given = ends ?? [null, null], [[low, high], name] = together(given.map((end) => end ?? NaN), ends, unit);
-  return `${low !== null && high !== null ? `${low} to ${high}` : low !== null ? `above ${low}` : high !== null ? `below ${high}` : "open"} ${low ?? high ? name : ""}`.trim();
-}
 export const duration = (value) => value < 100 ? `${value.toFixed(value < 10 ? 1 : 0)} s` : `${Math.round(value / 60)} min`;
 
 /** A command with a button that copies it: what was done here, for the command line. */

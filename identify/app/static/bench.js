@@ -1,5 +1,5 @@
 // At the bench: a rig from short records of it, or which logs to record next: tables, and what the command line prints.
-import { button, command, duration, element, fileAddress, get, interval, labelled, link, plain, post, put, quantity, refill, say, table } from "./base.js";
+import { button, command, duration, element, fileAddress, get, labelled, link, plain, post, put, quantity, refill, say, table } from "./base.js";
 import { fitOf, start } from "./jobs.js";
 
 const BEFORE = "before.toml"; // a scene of no log: what a first plan starts from
@@ -9,7 +9,7 @@ const RIG = { mass: ["moving mass", "kg"], stiffness: ["stiffness", "N/m"], zeta
 const share = (half) => half === null || half === undefined ? "open" : `± ${plain(100 * half, 2)} %`;
 /** What was measured of a rig; what the logs of a plan identify, now and then, and which logs those are. */
 const TABLES = {
-  rig: (found) => [table(["", { number: "value" }, "95 % interval"], Object.entries(RIG).filter(([name]) => found[name]).map(([name, [words, unit]]) => [words, { number: quantity(found[name].value, unit, 3) }, interval(found[name].interval, unit)]))],
+  rig: (found) => [table(["", { number: "value" }, "95 % interval"], Object.entries(RIG).filter(([name]) => found[name]).map(([name, [words, unit]]) => [words, { number: quantity(found[name].value, unit, 3) }, found[name].interval.map((end) => quantity(end, unit, 3)).join(" to ")]))],
   plan: ({ logs, now, then, verdicts }) => [
     logs.length ? table([...["drive speed", "normal force", "stiffness", "duration", "rate", "slips"].map((number) => ({ number })), ""], logs.map((log) => [
       ...[quantity(log.drive, "m/s", 3), quantity(log.normal_force, "N", 3), quantity(log.stiffness, "N/m", 3), duration(log.duration), quantity(log.sampling_rate, "Hz", 3), plain(log.slips, 3)].map((number) => ({ number })), log.repeats ? "a repeat with another specimen" : ""]), { class: "cards" }) : null,

@@ -1,9 +1,7 @@
 // Fits: start one, see how far it is, look into its result, hold two against each other.
-import { address, button, choice, curves, duration, element, fileAddress, get, interval, labelled, link, plain, post, put, refill, remember, say, style, table, together } from "./base.js";
+import { address, button, choice, curves, duration, element, fileAddress, get, labelled, link, plain, post, put, refill, remember, say, shownTable, style, table } from "./base.js";
 import { start, whenEnded } from "./jobs.js";
 import { line, mark, picture, shade, span, TimeView } from "./plots.js";
-
-const VERDICTS = { identified: "✓ identified", weak: "~ weak", "not identifiable": "✗ not identifiable", bounded: "≤ bounded", "not profiled": "… not profiled", fixed: "= fixed", "at bound": "| at bound" };
 
 /** The accuracies with what they cost and leave, of the last fit of this scene where it says so. */
 function accuracies(seen) {
@@ -12,18 +10,11 @@ function accuracies(seen) {
     ? `${name}: about ${plain(levels[name].seconds, 2)} s, steps leave ${plain(levels[name].error_in_standard_errors, 2)} standard errors` : name]);
 }
 
-const valueText = ({ value, unit, interval: ends }) => { const [[text], name] = together([value ?? NaN], ends, unit); return text === null ? "–" : `${text} ${name}`.trim(); };
-
-/** The table of parameters of one fit, or of two beside each other. */
-function parameters(one, two) {
-  const names = [...new Set([...Object.keys(one.parameters), ...Object.keys(two?.parameters ?? {})])];
-  const entries = names.map((name) => one.parameters[name]);
-  const exact = "95 % interval", wide = !two && one.tolerances, why = !two && entries.some((entry) => entry.reason);
-  const cells = (entry) => entry ? [{ number: valueText(entry) }, interval(entry.interval, entry.unit), ...(wide ? [interval(entry.interval_rig_exact, entry.unit)] : []), VERDICTS[entry.verdict] ?? entry.verdict ?? ""] : ["–", "", ""];
-  const apart = (a, b) => a?.standard_error && b?.standard_error && a.value !== null && b.value !== null ? { number: `${plain((b.value - a.value) / Math.hypot(a.standard_error, b.standard_error), 2)} s.e.` } : "";
-  return [table(["", { number: "value" }, exact, ...(wide ? ["rig exact"] : []), "verdict", ...(two ? [{ number: "second" }, exact, "verdict", { number: "apart" }] : []), ...(why ? ["why"] : [])],
-    names.map((name, i) => [element("strong", { title: name }, (one.symbols ?? {})[name] ?? name), ...cells(entries[i]), ...(two ? [...cells(two.parameters[name]), apart(entries[i], two.parameters[name])] : []), ...(why ? [entries[i].reason ?? ""] : [])]), { id: "parameters", class: "cards" }),
-  wide ? element("p", { class: "quiet" }, `${one.tolerances}.`) : null];
+/** The table of parameters of one fit, and under it that of a second with how far apart both are. */
+function parameters(one, two, second) {
+  const names = Object.keys(two?.parameters ?? {}), apart = (a, b) => a?.standard_error && b?.standard_error && a.value !== null && b.value !== null ? `${plain((b.value - a.value) / Math.hypot(a.standard_error, b.standard_error), 2)} s.e.` : "";
+  return [shownTable(one.table, { id: "parameters", class: "cards" }), one.tolerances ? element("p", { class: "quiet" }, `${one.tolerances}.`) : null,
+    two ? [element("h3", {}, second), shownTable(two.table, { id: "second", class: "cards" }, [{ number: "apart" }], (at) => [{ number: apart(one.parameters[names[at]], two.parameters[names[at]]) }])] : null];
 }
 
 function residualView(host, path, seen, session) {
@@ -43,7 +34,7 @@ function residualView(host, path, seen, session) {
         begin: rows[0].length ? rows[0][0] : 0, end: last, ask: (begin, to) => curves("residuals", { path, number: log.number, begin, end: to }),
         panels: !fitted ? [{ label: "force", unit: "N", height: 240, series: [{ row: 1, label: "measured", color: "--force" }] }]
           : [{ label: "force", unit: "N", height: 210, series: [{ row: 1, label: "measured", color: "--force" }, { row: 2, label: "fitted", color: "--model", dash: [6, 4] }] },
-            { label: "difference", unit: "N", height: 150, series: [{ row: 3, label: "measured − fitted", color: "--ink" }] }],
+            { label: "difference", unit: "N", height: 150, series: [{ row: 3, label: "measured − fitted", color: "--residual" }] }],
         drawOver: (plot) => !fitted ? log.cycles.forEach((c) => shade(plot, c.onset, c.arrest, style("--model"))) : log.cycles.filter((c) => bad(c.misfit_z)).forEach((c) => shade(plot, c.onset, c.arrest, style("--bad"), { hatch: 6, label: "misfit" })),
       });
       plots.timeView = view;
@@ -90,7 +81,7 @@ function relative(host, parameters, symbols) {
       }
       mark(context, x(0), y(i), style("--ink"), "circle", 4);
       if (off(p, p.interval[1] ?? Infinity) > 1.1 * reach) context.fillText("→", x(1.05 * reach), y(i) - 5);
-      context.fillStyle = style("--ink"); context.font = "13px system-ui"; context.textAlign = "left"; context.fillText(symbols[name] ?? name, x(-1.39 * reach) + 4, y(i) - 6);
+      context.fillStyle = style("--ink"); context.font = "13px system-ui"; context.textAlign = "left"; context.textBaseline = "middle"; context.fillText(symbols[name] ?? name, x(-1.39 * reach) + 4, y(i));
     }) });
 }
 
@@ -106,7 +97,7 @@ async function result(host, path, second, session) {
       others.length ? labelled("compare with", choice([["", "no other fit"], ...others], second ?? "", (other) => { location.hash = address("fit", { path, second: other }); })) : null,
       element("small", {}, "Files: ", seen.files.map((name) => [element("a", { href: fileAddress(`${path}/${name}`, true) }, name), " "]))));
   if (seen.uneven) unevenView(host, seen.uneven);
-  put(host, parameters(seen, two));
+  put(host, parameters(seen, two, second));
   if (!fitless) relative(host, seen.parameters, seen.symbols);
   put(host, element("details", {}, element("summary", {}, "Accuracy and computing time"), element("p", { id: "price" }, seen.accuracy_line ? `${seen.accuracy_line}.` : seen.timing_s?.total ? `It took ${plain(seen.timing_s.total, 2)} s.` : "")));
   const close = residualView(host, path, seen, session);
@@ -115,8 +106,11 @@ async function result(host, path, second, session) {
   if (seen.search?.length) put(host, element("details", {}, element("summary", {}, `Attempts of the search (${seen.search.length})`), table(["strategy", "status", { number: "misfit" }, { number: "seconds" }],
     seen.search.map((step) => [step.strategy, (step.status ?? "").replaceAll("_", " "), { number: plain(step.cost) }, { number: plain(step.seconds, 2) }])), seen.not_tried?.length ? element("p", {}, `No time for: ${seen.not_tried.map((name) => name.strategy ?? name).join(", ")}`) : null));
   if (seen.effects.length) put(host, element("details", {}, element("summary", {}, "Tests of the effects"), element("ul", {}, seen.effects.map((reason) => element("li", {}, `${reason.effect}: ${reason.sentence}`)))));
-  const figure = (from, words, files) => element("figure", {}, element("img", { src: from, alt: words, loading: "lazy" }), element("figcaption", {}, words, ": ", files.map(([kind, to]) => [element("a", { href: to, download: true }, kind), " "])));
-  const shots = seen.drawn.map(([kind, words]) => { const as = (form) => `api/picture?${new URLSearchParams({ path, kind, form })}`; return figure(as("svg"), words, ["svg", "pdf", "png"].map((form) => [form, as(form)])); });
+  const figure = (from, words, files) => element("figure", {}, element("img", { src: from, alt: words, loading: "lazy" }), element("figcaption", {}, words, ": ", files.map((file) => typeof file === "string" ? file : [element("a", { href: file[1], download: true }, file[0]), " "])));
+  const shots = seen.drawn.map(([kind, words]) => {
+    const as = (form, columns = 1) => `api/picture?${new URLSearchParams({ path, kind, form, columns })}`, forms = ["svg", "pdf", "png"];
+    return figure(as("svg"), words, [...forms.map((form) => [form, as(form)]), "two columns wide: ", ...forms.map((form) => [form, as(form, 2)])]);
+  });
   const files = seen.figures.map((name) => figure(fileAddress(`${path}/figures/${name}`), name.replace(/\.svg$/, "").replaceAll("_", " "), [["svg", fileAddress(`${path}/figures/${name}`, true)]]));
   if (shots.length) put(host, element("h3", {}, "Residuals and laws"), element("div", { class: "pictures three" }, shots));
   if (files.length) put(host, element("details", {}, element("summary", {}, `Pictures of the report (${files.length})`), element("div", { class: "pictures" }, files)));

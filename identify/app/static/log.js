@@ -1,5 +1,5 @@
 // One log: force, load and speed over time; sticks and slips over them; cuts by dragging; the classical table alive.
-import { address, button, choice, curves, element, get, guarded, here, labelled, link, newestWins, plain, post, put, quantity, refill, remember, say, style, table } from "./base.js";
+import { address, button, choice, curves, element, get, guarded, here, labelled, link, newestWins, plain, post, put, quantity, refill, remember, say, shownTable, style } from "./base.js";
 import { shade, TimeView } from "./plots.js";
 
 const MODES = { move: "move and zoom", window: "use only …", exclude: "leave out …", tare: "set zero …" };
@@ -9,23 +9,6 @@ const HINTS = {
   exclude: "drag over what is to be left out; click a slip to take it out with its stick, click a left-out part to put it back",
   tare: "drag over a part where nothing rubs: its mean force is taken off",
 };
-const NAMES = { samples_per_slip: "samples per slip", stick_slope_N_per_s: "stick slope", stick_stiffness_N_per_m: "stiffness of the sticks (slope / speed)" };
-const LEFT_OUT = new Set(["run", "step", "stroke", "regime", "direction"]);
-const ENDINGS = [["_m_per_s", "m/s"], ["_N_per_m", "N/m"], ["_N_per_s", "N/s"], ["_percent", "%"], ["_kg", "kg"], ["_Hz", "Hz"], ["_N", "N"], ["_s", "s"]];
-
-/** The classical table, one column per stroke, names in words. */
-export function classicalTable(rows) {
-  const keys = [...new Set(rows.flatMap((row) => Object.keys(row)))].filter((key) => !LEFT_OUT.has(key) && !/_sd(_|$)/.test(key) && rows.some((row) => row[key] !== null));
-  const shown = rows.slice(0, 3);
-  return table(["", ...shown.map((row) => ({ number: rows.length > 1 ? `step ${row.step} stroke ${row.stroke}` : "value" }))], keys.map((key) => {
-    const [ending, unit] = ENDINGS.find(([end]) => key.endsWith(end)) ?? ["", ""], name = key.slice(0, key.length - ending.length);
-    return [NAMES[key] ?? name.replaceAll("_", " "), ...shown.map((row) => {
-      const sd = row[`${name}_sd${ending}`];
-      return { number: quantity(row[key], unit) + (sd ? ` ± ${quantity(sd, unit, 2)}` : "") };
-    })];
-  }), { class: "classical" });
-}
-
 /** Where the logs of the scene stand in it, and what is wrong with it. */
 async function listed(session) {
   if (!session.scene) return { wrong: "", places: [] };
@@ -126,17 +109,17 @@ export async function logView(host, asked, session) {
       cycles = found.cycles;
       refill(beside, element("div", {}, element("p", {}, element("strong", {}, `${cycles.length} cycles, ${found.regime || "regime unknown"}. `), `${found.evidence.join("; ")}. Noise ${quantity(found.noise, "N", 3)}.`,
         found.stick_slope ? ` Stick slope ${quantity(found.stick_slope, "N/s")}, over the drive speed ${quantity(found.stiffness_of_sticks, "N/m")}.` : "",
-        found.sign < 0 ? " The sign of the force is reversed." : "", found.changes.map((text) => ` ${text}.`)), sceneLines()), classicalTable(found.table.rows));
+        found.sign < 0 ? " The sign of the force is reversed." : "", found.changes.map((text) => ` ${text}.`)), sceneLines()), shownTable(found.table, { class: "classical" }));
     } else if (about.inspection && !about.inspection.error) {
       const log = about.inspection;
       cycles = log.steps.flatMap((step) => step.onsets_s.map((onset, i) => ({ onset, arrest: step.arrests_s[i] })));
       refill(beside, element("div", {}, element("p", {}, element("strong", {}, `${cycles.length} slips, ${(log.regime ?? "regime unknown").replaceAll("_", " ")}. `), `${log.format}, ${quantity(log.sampling.rate, "Hz")}; ${log.evidence.join("; ")}`),
         element("ul", {}, log.quality.findings.map((f) => element("li", {}, element("strong", { class: f.severity }, f.severity), `: ${f.message}`))),
-        wrong || places.some((place) => place.path === path) ? null : session.scene ? button(`add this log to ${session.scene}`, async () => { await post("edit", { path: session.scene, logs: [which.path] }); location.hash = address("scene"); }) : element("p", {}, "Cuts are kept in a scene: choose logs in ", link("the table", "logs"), " and make one.")), classicalTable(log.classical.rows));
+        wrong || places.some((place) => place.path === path) ? null : session.scene ? button(`add this log to ${session.scene}`, async () => { await post("edit", { path: session.scene, logs: [which.path] }); location.hash = address("scene"); }) : element("p", {}, "Cuts are kept in a scene: choose logs in ", link("the table", "logs"), " and make one.")), shownTable(about.classical, { class: "classical" }));
     }
     else if (!about.inspection) {
       refill(beside, element("p", { class: "quiet" }, "detecting its slips …"));
-      setTimeout(guarded(async () => { if (over) return; about.inspection = (await get("log", which)).inspection; await seen(); }), 1000);
+      setTimeout(guarded(async () => { if (over) return; Object.assign(about, await get("log", which)); await seen(); }), 1000);
       return;
     }
     view?.redraw();

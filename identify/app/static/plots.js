@@ -227,7 +227,7 @@ export function span(values, { margin = 0.05, log = false } = {}) {
   for (const v of values) if (v !== null && Number.isFinite(v) && (!log || v > 0)) { low = Math.min(low, v); high = Math.max(high, v); }
   if (low > high) return log ? [0.1, 1] : [0, 1];
   if (log) return [low / (1 + margin), high * (1 + margin)];
-  const more = high - low > 1e-4 * Math.abs(high) ? (high - low) * margin : Math.abs(high) * margin || 1;
+  const more = high - low > 1e-2 * Math.abs(high) ? (high - low) * margin : Math.abs(high) * margin || 1;
   return [low - more, high + more];
 }
 

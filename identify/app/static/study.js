@@ -1,5 +1,5 @@
 // Study: a batch from chosen logs, its fits as they finish, the comparison by a label, every point linked to its fit.
-import { address, button, choice, element, fileAddress, get, labelled, link, newestWins, plain, post, put, quantity, refill, remember, say, style, table } from "./base.js";
+import { address, button, choice, element, fileAddress, get, labelled, link, newestWins, post, put, refill, remember, say, style, table } from "./base.js";
 import { start, whenEnded } from "./jobs.js";
 import { meant } from "./logs.js";
 import { mark, picture, span } from "./plots.js";
@@ -81,7 +81,7 @@ export async function studyView(host, asked, session) {
     const plot = element("div", { id: "forest" }), into = `${path}-by-${label || "group"}`;
     refill(seen, element("h2", {}, path), element("p", {}, `${found.groups.length} groups done${busy ? "; the batch is running" : ""}`),
       table(["group", "status", ...names.map((name) => ({ number: name })), "message"], found.groups.map((group) => [group.fit ? link(group.group, "fit", { path: group.fit }) : group.group, (group.status ?? "").replaceAll("_", " "),
-        ...names.map((name) => ({ number: quantity(group.parameters?.[name]?.value, group.parameters?.[name]?.unit, 3) })), group.message]), { id: "groups", class: "cards" }),
+        ...names.map((name) => ({ number: group.shown?.[name] ?? "–" })), group.message]), { id: "groups", class: "cards" }),
       names.length ? element("div", { class: "bar" }, labelled("forest plot of", choice(names, parameter, (to) => { parameter = to; forest(plot, found.groups, parameter, label); })),
         found.labels.length ? labelled("marks by", choice(found.labels, label, (to) => { label = to; shown = ""; fill(true); })) : "",
         label ? button(`compare by ${label}`, async () => {
