@@ -41,16 +41,12 @@ class Page:
         self._cut: tuple[tuple[str, ...], Segmented | None] = (), None
         self.answers: dict[str, tuple[str, Callable[[PageQuery], Answer]]] = {
             "folder": ("GET", lambda _: self._listed()),
-            "jobs": ("GET", lambda _: {"jobs": self.jobs.listed()}),
             "job": ("GET", lambda q: self.jobs.document(q.text("id"))),
             "start": ("POST", lambda q: self.jobs.start(*words_of(folder, q.values))),
             "cancel": ("POST", lambda q: self.jobs.cancel(q.text("id"))),
             "fit": ("GET", lambda q: fit_seen(folder, q.text("path"))),
             "batch": ("GET", lambda q: batch_seen(folder, q.text("path"))),
-            "picture": (
-                "GET",
-                lambda q: fit_picture(folder, *map(q.text, ("path", "kind", "form")), q.whole("columns", 1)),
-            ),
+            "picture": ("GET", lambda q: fit_picture(folder, q.text("path"), q)),
             "residuals": ("GET", lambda q: residuals(folder, q.text("path"), q.whole("number", 1), *self._span(q))),
             "examples": ("POST", lambda _: self._put_examples()),
             "manifest": ("POST", self._write_manifest),

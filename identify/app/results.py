@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import io
 from contextlib import suppress
+from functools import lru_cache
+from itertools import zip_longest
 from pathlib import Path
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 from starlette.responses import Response
 
 from identify.app.curves import MOST_POINTS
-from identify.app.folder import Document, Folder, PageError, mapping, read_json
+from identify.app.folder import Document, Folder, PageError, PageQuery, mapping, read_json
 from identify.app.simulations import ONE_AT_A_TIME
 from identify.base.errors import IdentifyError
 from identify.base.result import Result
@@ -50,14 +51,25 @@ def as_shown(table: OutputTable) -> Document:
     return {"columns": table.columns, "numbers": numbers, "rows": cells}
 
 
+@lru_cache(maxsize=4)
+def _loaded(place: Path, stamp: int) -> Fit:
+    return Fit.load(place)
+
+
+def fit_of(folder: Folder, name: str) -> Fit:
+    """The fit in a folder, kept until its document changes.
+
+    Raises:
+        FitError: it holds none.
+    """
+    document = folder.path(name) / "result.json"
+    return _loaded(document.parent, document.stat().st_mtime_ns if document.is_file() else 0)
+
+
 def fit_seen(folder: Folder, name: str) -> Document:
     """What the page shows of the fit in a folder."""
-    place = folder.path(name)
-    document = read_json(place / "result.json")
-    if document is None:
-        raise PageError(f"{name} holds no whole result.json; run the fit again")
-    result = Result.from_dict(document)
-    uneven = None
+    place, fit = folder.path(name), fit_of(folder, name)
+    result, document, uneven = fit.typed, fit.result, None
     if is_uneven(result):
         cycles = [{key: log[key] for key in ("log", "rest_s", "strength")} for log in document["uneven_cycles"]]
         uneven = {
@@ -67,41 +79,43 @@ def fit_seen(folder: Folder, name: str) -> Document:
             "sticks": cycles,
             "typical": document["strength_against_rest"],
         }
-    cycles_of = _cycles(place / "result.h5", len(document["logs"]))
+    columns = ("onset", "arrest", "misfit_z")
     logs = [
         {
             "path": path.relative_to(folder.root).as_posix() if path.is_relative_to(folder.root) else path.name,
-            "left_out": log.get("reason_left_out"),
-            "text": (log.get("derived") or {}).get("text", ""),
-            "cycles": cycles,
+            "left_out": log.reason_left_out,
+            "text": log.derived.get("text", ""),
+            "cycles": [dict(zip(columns, row, strict=True)) for row in curves.cycles[:, [0, 1, 4]]] if curves else [],
         }
-        for log, cycles in zip(document["logs"], cycles_of, strict=True)
-        for path in [Path(str(log.get("path")))]
+        for log, curves in zip_longest(result.logs, fit.logs)
+        for path in [Path(log.path)]
     ]
-    whole = result.status == "converged" and uneven is None and all(e.value for e in result.parameters.values())
+    whole = result.converged and uneven is None and all(e.value for e in result.parameters.values())
     laws = ("", *result.effects.names) if whole else ()
-    return {key: document.get(key) for key in SHOWN} | {
+    shown = {key: document.get(key) for key in SHOWN} | {
         "table": as_shown(parameter_table(result.parameters)),
         "tolerances": tolerances_text(result.tolerances or {}),
         "accuracy_line": accuracy_text(result.accuracy),
         "uneven": uneven,
         "effects": (document.get("effects") or {}).get("reasons") or [],
         "logs": logs,
-        "symbols": {key: plain_symbol(key) for key in document.get("parameters") or {}},
+        "symbols": {key: plain_symbol(key) for key in result.parameters},
         "figures": sorted(item.name for item in (place / "figures").glob("*.svg")),
         "drawn": [(kind, words) for kind, (words, effect) in PICTURES.items() if effect in laws],
         "files": sorted(item.name for item in place.iterdir() if item.is_file()),
     }
+    return dict(plain(shown))
 
 
-def fit_picture(folder: Folder, name: str, kind: str, form: str, columns: int) -> Response:
+def fit_picture(folder: Folder, name: str, asked: PageQuery) -> Response:
     """One of PICTURES of the fit in a folder, at the width of one or two columns of a paper (a PNG at 300 dpi)."""
+    kind, form = asked.text("kind"), asked.text("form")
     if kind not in PICTURES or form not in FORMS:
         raise PageError(f"a fit has no picture {kind}.{form}; load the page again")
     out = io.BytesIO()
     with ONE_AT_A_TIME, drawing_style():
-        figure = getattr(Fit.load(folder.path(name)), f"plot_{kind}")().figure
-        figure.set_size_inches(COLUMN if columns == 1 else TWO_COLUMNS)
+        figure = getattr(fit_of(folder, name), f"plot_{kind}")().figure
+        figure.set_size_inches(COLUMN if asked.whole("columns", 1) == 1 else TWO_COLUMNS)
         figure.savefig(out, format=form, dpi=300)
     return Response(out.getvalue(), media_type=FORMS[form])
 
@@ -126,14 +140,12 @@ def residuals(folder: Folder, name: str, number: int, begin: float, end: float) 
     there are more than fit a curve, of each stretch the sample with the largest difference of either sign, or the
     largest force where nothing was fitted to the curve.
     """
-    try:
-        with h5py.File(folder.path(name) / "result.h5", "r") as file:
-            log = file[f"curves/log_{number}"]
-            curves = np.stack([log[key][:] for key in ("time", "friction_force", "fitted_force")])
-    except (OSError, KeyError):
-        raise PageError(f"{name} keeps no curves of log {number}; run the fit again") from None
-    curves = curves[:, slice(*np.searchsorted(curves[0], [begin, end]))]
-    curves = np.vstack([curves, curves[1] - curves[2]])
+    logs = fit_of(folder, name).logs
+    if not 1 <= number <= len(logs):
+        raise PageError(f"{name} keeps no curves of log {number}; run the fit again")
+    log = logs[number - 1]
+    curves = np.stack([log.time, log.friction_force, log.fitted_force, log.friction_force - log.fitted_force])
+    curves = curves[:, slice(*np.searchsorted(log.time, [begin, end]))]
     if curves.shape[1] > MOST_POINTS:
         followed = curves[3] if np.isfinite(curves[3]).any() else curves[1]
         curves = curves[:, extremes(followed, MOST_POINTS // 2)]
@@ -159,15 +171,3 @@ def batch_seen(folder: Folder, name: str) -> Document:
     labels = sorted({label for group in about.values() for label in group["labels"]})
     report = place / "report.html"
     return {"groups": groups, "labels": labels, "report": folder.name(report) if report.is_file() else ""}
-
-
-def _cycles(path: Path, logs: int) -> list[list[Document]]:
-    """Onset, arrest [s] and misfit z of the cycles of every log that a fit keeps curves of."""
-    out: list[list[Document]] = [[] for _ in range(logs)]
-    with suppress(OSError), h5py.File(path, "r") as file:
-        for number in range(logs):
-            group = file.get(f"curves/log_{number + 1}/cycles", {})
-            names = [key for key in ("onset", "arrest", "misfit_z") if key in group and "onset" in group]
-            columns = zip(*(group[key][:].tolist() for key in names), strict=True)
-            out[number] = plain([dict(zip(names, row, strict=True)) for row in columns])
-    return out

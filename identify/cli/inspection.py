@@ -180,8 +180,8 @@ def _classical_lines(table: ClassicalTable) -> Iterator[str]:
     both directions of strokes to and fro, apart."""
     longest = sorted(table.rows, key=lambda stroke: stroke["samples"], reverse=True)[:MOST_STROKES]  # type: ignore[arg-type,return-value]
     shown = [stroke for stroke in table.rows if stroke in longest]
-    heads = [f"step {stroke['step']} stroke {stroke['stroke']}" for stroke in shown]
-    yield stroke_table(list(zip(heads, shown, strict=True)), "classical table").to_text()
+    steps = [f"step {stroke['step']} stroke {stroke['stroke']}" for stroke in shown]
+    yield stroke_table(list(zip(steps, shown, strict=True)), "classical table").to_text()
     if len(table.rows) > len(shown):
         yield f"  … and {len(table.rows) - len(shown)} strokes more: see --json"
     if table.directions:

@@ -124,6 +124,41 @@ def test_a_map_that_lacks_a_speed_or_a_force_says_so(page):
     page.wait("document.querySelector('#view').innerText.includes('There is no map of this: the scene states no')")
 
 
+CONTRAST = """(() => {
+  const lum = (c) => c.map((v) => v / 255).map((v) => v <= 0.03928 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4)
+    .reduce((sum, v, i) => sum + v * [0.2126, 0.7152, 0.0722][i], 0);
+  const rgb = (text) => { const [r, g, b, a = 1] = text.match(/[\\d.]+/g).map(Number); return [r, g, b, a]; };
+  const over = (c, under) => [0, 1, 2].map((i) => c[i] * c[3] + under[i] * (1 - c[3]));
+  const ground = (e) => e ? over(rgb(getComputedStyle(e).backgroundColor), ground(e.parentElement)) : [255, 255, 255];
+  const texts = (e) => [...e.childNodes].some((n) => n.nodeType === 3 && n.textContent.trim());
+  const words = (e) => texts(e) || e.value || e.placeholder;
+  return [...document.querySelectorAll('body *')].filter((e) => e.checkVisibility() && !e.disabled && words(e)
+    && !e.closest('option')).map((e) => {
+      const back = ground(e), both = [lum(back), lum(over(rgb(getComputedStyle(e).color), back))];
+      const [dark, light] = both.sort((a, b) => a - b);
+      return [(light + 0.05) / (dark + 0.05), e.outerHTML.slice(0, 80)];
+    }).filter(([ratio]) => ratio < 4.5);
+})()"""
+OUTLINED = "(({outlineStyle, outlineWidth}) => outlineStyle !== 'none' && parseFloat(outlineWidth) > 0)"
+
+
+@pytest.mark.parametrize(("width", "dark"), [(1280, False), (1280, True), (400, False), (400, True)])
+def test_every_view_is_readable_has_no_sideways_scroll_and_is_reached_by_tab(page, width, dark):
+    page.size(width, dark=dark)
+    for view in ("logs", "log", "scene?scene=pair.toml", "try", "fit", "map", "study", "rig", "plan"):
+        go(page, view)
+        page.wait("document.querySelector('#view').innerText.length > 20")
+        assert page.ask("document.documentElement.scrollWidth - innerWidth") <= 0, view
+        assert page.ask(CONTRAST) == [], view
+        for _ in range(20):
+            for kind in ("keyDown", "keyUp"):
+                page.call("Input.dispatchKeyEvent", type=kind, key="Tab", code="Tab", windowsVirtualKeyCode=9)
+            where, seen = page.ask(
+                f"[document.activeElement.outerHTML.slice(0, 90), {OUTLINED}(getComputedStyle(document.activeElement))]"
+            )
+            assert seen or where.startswith(("<body", "<main")), (view, where)
+
+
 def scene_by_hand(page):
     """Choose all logs, make a scene of them and fill in what it lacks."""
     page.wait("document.querySelectorAll('#logs tbody tr').length === 2")

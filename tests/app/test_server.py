@@ -145,7 +145,7 @@ def test_a_field_is_written_and_the_rest_of_the_text_stays():
 def wait_for(client, job, *states, patience=120.0):
     deadline = time.monotonic() + patience
     while time.monotonic() < deadline:
-        found = next(one for one in client.get("jobs")[1]["jobs"] if one["id"] == job)
+        found = next(one for one in client.get("folder")[1]["jobs"] if one["id"] == job)
         if found["state"] != "running":
             break
         time.sleep(0.1)
@@ -171,7 +171,7 @@ def test_a_cancelled_fit_is_idle_within_two_seconds(client, serving, root):
     status, job = client.post("start", command="fit", scene="pair.toml", out="one")
     assert status == 200 and job["command"] == "stickslip fit --scene pair.toml --out one"
     assert client.post("start", command="fit", scene="pair.toml", out="one")[0] == 400, "one writer at a time"
-    while not client.get("jobs")[1]["jobs"][0]["stages"]:
+    while not client.get("folder")[1]["jobs"][0]["stages"]:
         time.sleep(0.05)
     session = serving.page.jobs._children[job["id"]].pid
     assert seconds_of_processor(session), "it was at work"

@@ -100,6 +100,7 @@ document.addEventListener("keydown", (event) => {
   if (!event.altKey || event.ctrlKey || event.metaKey) return;
   const name = Object.keys(VIEWS)[Number(event.key) - 1];
   if (name) { event.preventDefault(); location.hash = address(name); }
+  if (event.key === "0") { event.preventDefault(); document.getElementById("next").click(); }
 });
 addEventListener("hashchange", show);
 const redraw = () => document.dispatchEvent(new Event("redraw")); // what is drawn follows the width, and day and night

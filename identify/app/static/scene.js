@@ -92,6 +92,7 @@ export async function sceneView(host, asked, session) {
     if (!fromText && text.value !== seen.text) text.value = seen.text;
     const active = form.contains(document.activeElement) ? document.activeElement : null, focus = active?.dataset?.place, typing = active?.value;
     error.textContent = seen.error;
+    if (Boolean(seen.error) !== Boolean(session.missing)) session.look(); // the next step is another one
     state.dataset.saved = seen.saved ? "yes" : "no";
     refill(state, button("save", async () => { show(await post("save", { path })); say(""); }, { class: "main", disabled: seen.saved }),
       element("span", { class: "quiet" }, seen.saved ? "saved" : "changed; kept as a draft, saved when you fit"), seen.error ? "" : element("span", {}, "Complete: ", link("check the logs", "log"), ", ", link("try values", "try"), " or ", link("fit", "fit"), "."));
