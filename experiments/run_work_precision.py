@@ -213,8 +213,8 @@ def fits(cases: Sequence[tuple[str, FitScene, Sequence[Record] | None]]) -> tupl
     for name, scene, records in cases:
         results = {}
         for level in LEVELS:
-            fit(scene, records, asked=FitOptions(accuracy=level))  # functions are built once per process
-            results[level.name] = fit(scene, records, asked=FitOptions(accuracy=level)).result["accuracy"]["levels"]
+            fit(scene, records, options=FitOptions(accuracy=level))  # functions are built once per process
+            results[level.name] = fit(scene, records, options=FitOptions(accuracy=level)).result["accuracy"]["levels"]
         said = {entry["accuracy"]: entry for entry in results["default"]}
         for level in (level.name for level in LEVELS):
             own = next(entry for entry in results[level] if entry["accuracy"] == level)

@@ -102,7 +102,7 @@ def fit(
     progress: Progress | None = None,
     starts: Sources | None = None,
     seed: int = 0,
-    asked: FitOptions = DEFAULT_OPTIONS,
+    options: FitOptions = DEFAULT_OPTIONS,
     estimator: Estimator | None = None,
     time_limit: float | str | None = None,
 ) -> Fit:
@@ -116,7 +116,7 @@ def fit(
             both where the scene gives a start, else the data.
         seed: of the random starts, where the data's own do not fit or the data hardly tell some parameter, and of the
             bootstrap.
-        asked: how finely, and which further looks at how sure the answer is.
+        options: how finely, and which further looks at how sure the answer is.
         estimator: another one than that of this package: multiple shooting, and where that fails since cycles differ,
             or where the effect friction_heterogeneity asks for it, the one of uneven records.
         time_limit: [s] or text with a unit, in place of that of the scene.
@@ -146,7 +146,7 @@ def fit(
                 choice = choose_from_data(used, records, report)
             left -= now() - before
             used = used.with_effects(choice.effects)
-        task = _prepared(used, records, asked, starts, seed, report)
+        task = _prepared(used, records, options, starts, seed, report)
         if choice is not None and choice.ended is not None and choice.ended.attempt is not None:
             task = replace(task, known=values_of(choice.ended, task.unknowns))
         # Start, solve and test; then quantify an answer, or explain why there is none.
@@ -165,12 +165,12 @@ def fit(
     processor, in_functions = time.process_time() - worked, Mapped.total - in_functions
     result = result_of(used, logs, findings, seconds, seed, choice)
     if findings.status is Status.CONVERGED:
-        result = with_accuracy(result, findings, asked, processor, in_functions / taken)
+        result = with_accuracy(result, findings, options, processor, in_functions / taken)
     document = (stated if stated.effects != "auto" else used).as_document()
     result = replace(
         result,
         notes=(*drives, *result.notes),
-        provenance={**result.provenance, "scene": document, "starts": task.starts, "asked": asked.document()},
+        provenance={**result.provenance, "scene": document, "starts": task.starts, "asked": options.document()},
     )
     report(LAST_STAGE, 1.0)
     return Fit(result.to_dict(), curves)
@@ -409,10 +409,10 @@ def find(
     progress: Progress = to_nobody,
     starts: Sources | None = None,
     seed: int = 0,
-    asked: FitOptions = DEFAULT_OPTIONS,
+    options: FitOptions = DEFAULT_OPTIONS,
 ) -> tuple[list[Prepared], Findings]:
     """The estimation of `fit` by multiple shooting, without its report; arguments and errors as there."""
-    task = _prepared(scene, records, asked, starts, seed, progress)
+    task = _prepared(scene, records, options, starts, seed, progress)
     with within((1.0 - REPORT_SHARE) * task.scene.time_limit), tracing() as trace:
         logs, findings = _estimated(task)
     return logs, _with_trace(findings, trace, task.scene.time_limit)

@@ -108,7 +108,7 @@ def _fit_and_report(
     """Fit a scene with progress, write its folder whole, say the summary, with what accuracy costs where wanted."""
     place = Path(out or f"stickslip-{scene.name}")
     with result_folder(place) as folder, terminal.bar() as progress:
-        outcome = fit(scene, progress=progress, starts=starts, asked=options)
+        outcome = fit(scene, progress=progress, starts=starts, options=options)
         progress("writing the report")
         write_report(outcome, folder)
     keep()  # the next fit of this kind finds its functions compiled
@@ -176,7 +176,7 @@ def verify(arguments: Namespace, terminal: Terminal) -> Answer:
             progress=progress,
             starts=next((known for known in get_args(Sources) if known == starts), None),
             seed=seed if isinstance(seed, int) else 0,
-            asked=FitOptions.again(provenance.get("asked")),
+            options=FitOptions.again(provenance.get("asked")),
         ).typed
     differences = compare(stored, again)
     within = f"every value that has a standard error within {ALLOWED} of it, and the same verdicts"

@@ -258,7 +258,7 @@ class Fit:
             known = ", ".join(profile.parameters) if profile is not None else "none"
             raise FitError(
                 f"no profile of {parameter} is here (there is: {known}); fit with --profile, or "
-                "asked=FitOptions(profile=True)"
+                "options=FitOptions(profile=True)"
             )
         from identify.report.figures import profile_curve
 

@@ -26,7 +26,7 @@ MIDDLE = (2, 3)  # the logs at 1 and 5 mm/s of the study's problem: soon fitted
 
 @pytest.fixture(scope="module")
 def demo():
-    return fit(Scene.from_toml(FOLDER / "pair.toml"), asked=FitOptions(accuracy_table=True))
+    return fit(Scene.from_toml(FOLDER / "pair.toml"), options=FitOptions(accuracy_table=True))
 
 
 @pytest.fixture(scope="module")
