@@ -67,7 +67,6 @@ def tried(scene: Scene, log: Segmented, values: Mapping[str, float], chosen: ran
         each = np.linspace(motion.onsets, ends, int(np.clip(POINTS // max(motion.onsets.size, 1), *A_SLIP)))
         at = np.unique(np.concatenate([np.linspace(0.0, motion.duration, POINTS), each.ravel()]))
         curve = motion.sample(at)
-    rests = motion.onsets - np.append(0.0, motion.arrests)[np.searchsorted(motion.arrests, motion.onsets)]
     onsets = cycles.onset[(cycles.onset > begin) & (cycles.onset < end)] - begin
     both, step = min(onsets.size, motion.onsets.size), max(1, -(-time.size // (2 * POINTS)))
     sliding, coefficient = curve["sliding"] > 0.5, curve["coefficient"]
@@ -80,7 +79,6 @@ def tried(scene: Scene, log: Segmented, values: Mapping[str, float], chosen: ran
             "speed": curve.get("sliding_speed", np.full(at.size, np.nan)),
             "coefficient": np.where(sliding, coefficient, np.nan),
         },
-        "strength": np.column_stack([rests, np.interp(motion.onsets, at, coefficient)]),
         "rms": float(np.sqrt(np.nanmean((np.interp(time, at, curve["force"]) - force) ** 2))),
         "noise": log.noise,
         "slips": {"measured": last - first, "simulated": int(motion.onsets.size)},

@@ -240,7 +240,7 @@ FORCES = ("friction", "normal")
 TOLERANCE_WORDS = {name: f"the {name.replace('_', ' ')}" for name in ("mass", "stiffness", "damping", "drive_speed")}
 TOLERANCE_WORDS |= {f"{force}_force": f"the gain of the {force} force" for force in FORCES}
 TOLERANCE_WORDS |= {f"{force}_zero": f"the zero of the {force} force" for force in FORCES}
-TOLERANCE_WORDS |= {"specimen": "the likeness of the specimens of the logs"}
+TOLERANCE_WORDS |= {"specimen": "the friction of each specimen"}
 
 
 def added_by_tolerances(known: Information, values: Array, tolerances: Mapping[str, float], memory: float) -> Array:

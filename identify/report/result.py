@@ -416,8 +416,8 @@ def _published(
         if entry.verdict in ("identified", "weak") and judged != entry.verdict:
             worst = max(added, key=lambda each: added[each][base])
             reason = (
-                f"{TOLERANCE_WORDS[worst]} counts as known to {100.0 * tolerances[worst]:g} %, which leaves it this "
-                "wide: measure it, and state it under [tolerances]"
+                f"an error of {100.0 * tolerances[worst]:g} % in {TOLERANCE_WORDS[worst]} is allowed for, which makes "
+                "the interval this wide: measure it, and state its error under [tolerances]"
             )
             wider = replace(wider, verdict=judged, reason="; ".join(filter(None, (entry.reason, reason))))
             wider = wider if judged == "weak" else replace(wider, standard_error=None)

@@ -13,7 +13,7 @@ const TABLES = {
   plan: ({ logs, now, then, verdicts }) => [
     logs.length ? table([...["drive speed", "normal force", "stiffness", "duration", "rate", "slips"].map((number) => ({ number })), ""], logs.map((log) => [
       ...[quantity(log.drive, "m/s", 3), quantity(log.normal_force, "N", 3), quantity(log.stiffness, "N/m", 3), duration(log.duration), quantity(log.sampling_rate, "Hz", 3), plain(log.slips, 3)].map((number) => ({ number })), log.repeats ? "a repeat with another specimen" : ""]), { class: "cards" }) : null,
-    table(["parameter", { number: "now" }, { number: "with these logs" }, "then"], Object.keys(then).map((name) => [name, { number: share(now[name]) }, { number: share(then[name]) }, verdicts[name]]))],
+    table(["parameter", { number: "now" }, { number: "with these logs" }, "then"], Object.keys(then).map((name) => [name, { number: share(now[name]) }, { number: share(then[name]) }, verdicts[name]]), { class: "cards" })],
 };
 
 /** What is typed here is kept: a page that is loaded again has it still. */

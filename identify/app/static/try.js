@@ -1,6 +1,6 @@
 // Try values: sliders over the parameters, the simulated force over the measured one, and what the model does beneath.
 import { button, choice, command, element, get, labelled, link, newestWins, plain, post, quantity, remember, say, shownIn, style, put } from "./base.js";
-import { line, mark, picture, span } from "./plots.js";
+import { line, picture, span } from "./plots.js";
 
 const STEPS = 400, REACH = 4; // a slider goes from a quarter to four times the value where no interval is known
 
@@ -21,7 +21,7 @@ export async function tryView(host, asked, session) {
   const fits = session.folder.fits.filter((fit) => fit.status === "converged"), own = fits.find((fit) => fit.path === `stickslip-${seen.form.name || stem}`);
   const values = {}, sliders = new Map();
   let number = Number(asked.number ?? 0), first = Number(asked.first ?? 0), count = Number(asked.count ?? 8);
-  const force = element("div", { id: "force" }), phase = element("div", {}), speed = element("div", {}), strength = element("div", {}), summary = element("p", { class: "hover", id: "summary" });
+  const force = element("div", { id: "force" }), phase = element("div", {}), speed = element("div", {}), summary = element("p", { class: "hover", id: "summary" });
 
   const draw = (made) => {
     const { measured, simulated } = made, blue = () => style("--force"), red = () => style("--model");
@@ -31,8 +31,6 @@ export async function tryView(host, asked, session) {
     const moving = simulated.speed.map((v) => v * 1e3);
     picture(phase, { x: { label: "friction force (N)", range: span(simulated.force) }, y: { label: "sliding speed (mm/s)", range: span(moving) }, draw: (context, x, y) => line(context, simulated.force, moving, x, y, red()) });
     picture(speed, { x: { label: "sliding speed (mm/s)", range: span(moving) }, y: { label: "friction coefficient while sliding", range: span(simulated.coefficient) }, draw: (context, x, y) => line(context, moving, simulated.coefficient, x, y, red()) });
-    picture(strength, { x: { label: "rest before the slip (s)", range: span(made.strength.map(([rest]) => rest)) }, y: { label: "coefficient at the onset", range: span(made.strength.map(([, mu]) => mu)) },
-      draw: (context, x, y) => made.strength.forEach(([rest, mu]) => mark(context, x(rest), y(mu), red(), "diamond")) });
     summary.textContent = `off by ${quantity(made.rms, "N", 3)} (rms; noise ${quantity(made.noise, "N", 2)}); ${made.slips.simulated} slips simulated, ${made.slips.measured} measured${shift(made.late)}. Measured: solid; simulated: dashed.${made.uneven ? " The cycles of this log differ among themselves: judge by slope, mean drop and mean period." : ""}`;
     host.dataset.tried = String(Number(host.dataset.tried ?? 0) + 1);
   };
@@ -88,7 +86,7 @@ export async function tryView(host, asked, session) {
         await post("edit", { path, changes });
         say("these start values are in the draft of the scene");
       })),
-    shown.map(slider), summary, force, element("div", { class: "columns" }, phase, speed, strength), command(`stickslip fit --scene ${path} --preview`));
+    shown.map(slider), summary, force, element("div", { class: "columns" }, phase, speed), command(`stickslip fit --scene ${path} --preview`));
   await simulate();
   return undefined;
 }
