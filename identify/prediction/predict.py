@@ -19,7 +19,7 @@ from identify.prediction.closed_forms import CYCLE, MEANING, beyond, closed_form
 from identify.prediction.draws import DRAWS, POINT, Draws, OperatingPoint
 from identify.prediction.orbit import QUANTITIES, Cycle, check_calculable, run_cycle
 from identify.prediction.windows import (
-    COARSE,
+    ROUGH,
     Outcome,
     SpeedRange,
     StickTest,
@@ -215,7 +215,7 @@ class DrawAnswers:
         start = part.states[-1 if upper else 0], self.batch.scale[0]
         test = StickTest(self.draws.model, at, *(np.tile(each, (sought.size, 1)) for each in start), rested=True)
         ends = np.full(len(settings), np.nan)
-        ends[sought] = locate(test, np.full(sought.size, np.log(speed)), 1.0 if upper else -1.0, COARSE)
+        ends[sought] = locate(test, np.full(sought.size, np.log(speed)), 1.0 if upper else -1.0, ROUGH)
         known = np.flatnonzero(np.isfinite(ends[:LOCATED]))
         if count > LOCATED and known.size:
             varied = settings[:count, np.ptp(settings[:count], axis=0) > 0.0]

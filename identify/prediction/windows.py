@@ -28,7 +28,7 @@ At = Callable[[Rows, Array], Array]  # settings (k, n_w) of rows (k,) at their p
 Holds = Callable[[Rows, Array], Bools]  # whether something holds there (k,)
 
 QUANTILES = ((1 - LEVEL) / 2, (1 + LEVEL) / 2)  # of draws: the ends of an interval
-COARSE, FINE = 5, 12  # halvings of a bracket by motions, on a map and along a line
+ROUGH, COARSE, FINE = 3, 5, 12  # halvings of a bracket by motions: of one draw among many, on a map, along a line
 CLOSEST = 40  # by growth rates, which cost next to nothing
 FIRST, DOUBLINGS = 0.02, 8  # of the coordinate: first step from where an end is expected, and how often it is doubled
 SPACING, FINER = 0.3, 8  # of the logarithm of the drive speed between nodes; so many times as fine for sliding
