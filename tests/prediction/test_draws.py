@@ -86,8 +86,8 @@ def test_every_number_has_an_interval_and_the_document_is_json():
 
 def test_points_of_one_pair_together_get_the_answers_they_get_alone():
     points = [OperatingPoint(DEMO, v, load, KNOWN) for v, load in ((1e-3, 0.937), (5e-3, 0.940))]
-    together = predictions(MODEL, points, NAMES, 24)[1].stability.critical_speed
-    alone = predictions(MODEL, points[1:], NAMES, 24)[0].stability.critical_speed
+    together = predictions(MODEL, points, NAMES)[1].stability.critical_speed
+    alone = predictions(MODEL, points[1:], NAMES)[0].stability.critical_speed
     assert together.value == pytest.approx(alone.value, rel=1e-4)
     assert together.interval == pytest.approx(alone.interval, rel=1e-3)
 
