@@ -6,7 +6,16 @@ from collections.abc import Mapping
 
 from identify.cli.common import Options
 
-SET: Options = {"--set KEY=VALUE+": 'such as rig.mass="0.3 kg"'}
+SET: Options = {"--set KEY=VALUE+": 'another value in place of the one in the scene: rig.mass="0.3 kg"; repeatable'}
+SAID: Options = {
+    "what is printed": {
+        "--json": "one JSON document on standard output, words on stderr",
+        "--quiet": "no progress and no notes: the answer alone",
+        "--verbose": "every stage of the work with its seconds, and costs",
+        "--progress {shown,json}": "json: one document a line",
+        "--debug": "show the traceback of an error",
+    }
+}
 READING: Options = {
     "how to read the logs": {
         "--step N": "use this step of the run (default: all, on one clock)",

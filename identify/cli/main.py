@@ -8,7 +8,7 @@ import os
 import sys
 import traceback
 import warnings
-from argparse import SUPPRESS, ArgumentParser, RawDescriptionHelpFormatter
+from argparse import ArgumentParser, RawDescriptionHelpFormatter
 from collections.abc import Sequence
 from importlib import import_module
 from typing import NoReturn
@@ -16,7 +16,7 @@ from typing import NoReturn
 import identify
 from identify.base.errors import IdentifyError
 from identify.base.progress import silence
-from identify.cli.commands import COMMANDS, OPTIONS
+from identify.cli.commands import COMMANDS, OPTIONS, SAID
 from identify.cli.common import Answer, CommandLineError, Exit, Terminal, add_options
 from identify.cli.interrupt import check_interrupted, interrupted, interruptible, taken_as_handled
 
@@ -51,13 +51,9 @@ def build_parser() -> ArgumentParser:
     for name, (work, text) in COMMANDS.items():
         sub = known.add_parser(name, help=text, description=text, allow_abbrev=False)
         add_options(sub, OPTIONS[name])
+        add_options(sub, SAID)
         sub.set_defaults(work=work)
-    for place in (parser, *known.choices.values()):
-        place.add_argument("--json", action="store_true", help="one JSON document on standard output, words on stderr")
-        place.add_argument("--debug", action="store_true", help="show the traceback of an error")
-        place.add_argument("--quiet", action="store_true", help="no progress and no notes: the answer alone")
-        place.add_argument("--verbose", action="store_true", help="every stage of the work with its seconds, and costs")
-        place.add_argument("--progress", choices=("shown", "json"), default=SUPPRESS, help="json: one document a line")
+    add_options(parser, SAID)
     return parser
 
 
@@ -140,7 +136,7 @@ def _run(given: list[str], json_mode: bool) -> Answer:
     terminal = Terminal(
         words=sys.stderr if json_mode else sys.stdout,
         notes=open(os.devnull, "w", encoding="utf-8") if arguments.quiet else sys.stderr,  # noqa: PTH123, SIM115
-        progress="verbose" if arguments.verbose else getattr(arguments, "progress", "shown"),
+        progress="verbose" if arguments.verbose else arguments.progress or "shown",
     )
     if arguments.version:
         from importlib.metadata import version
