@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import replace
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -236,28 +234,6 @@ def test_importance_speaks_for_itself(effect):
 
 
 # ---- save and load
-
-
-@EVERY
-def test_scene_survives_its_document(effect):
-    names = case.company(effect)
-    model, random = assemble(names), np.random.default_rng(5)
-    free = [q for q in model.parameters if q.kind != "rig"]
-    numbers = {q.name: case.drawn(q, random) for q in free if q.name not in ("mu_s", "mu_k0", "delta_mu_k")}
-    document = {
-        "effects": list(names),
-        "rig": {q.name: q.default for q in model.parameters if q.kind == "rig"} | {"drive_speed": 0.02},
-        "parameters": {name: {"fixed": value} for name, value in numbers.items()},
-    }
-    if "mass" not in document["rig"]:
-        document["rig"]["mass"] = 0.2
-    if "damping" not in document["rig"]:
-        document["rig"]["damping"] = 0.0
-    scene = Scene.from_document(document, Path())
-    again = Scene.from_document(scene.as_document(), Path())
-    assert replace(again, source=scene.source) == scene
-    assert set(again.effects) == set(names)
-    assert {name: again.values()[name] for name in numbers} == numbers
 
 
 def test_simulated_log_is_read_back(tmp_path):

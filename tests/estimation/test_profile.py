@@ -48,7 +48,7 @@ def banana():
     return answer_of(scene, records)
 
 
-def ratio(attempt, unknowns, index, value, steps=4):
+def ratio(attempt, unknowns, index, value, steps=2):
     """The likelihood ratio of the answer with one parameter fixed, by IPOPT in steps from there; the user's prior of
     what is fixed counts."""
     solved, costs = attempt.solved, []

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import re
 import shutil
-import zipfile
 from dataclasses import replace
 from html.parser import HTMLParser
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -210,35 +207,6 @@ def test_hostile_labels_do_no_harm_on_the_page(hostile):
     assert "x" * 401 not in text and "49" not in re.findall(r"<bdi>(\d+)</bdi>", text)
     assert len(text) < 3_000_000
     assert HOSTILE[2] in json.loads((hostile / "comparison.json").read_text(encoding="utf-8"))["groups"]
-
-
-def test_hostile_labels_do_no_harm_in_tables(hostile):
-    for path in (hostile / "tables").glob("*.csv"):
-        with path.open(encoding="utf-8", newline="") as handle:
-            rows = list(csv.reader(handle))
-        assert len({len(row) for row in rows}) == 1, path
-        for text in (c for row in rows for c in row):
-            number = re.fullmatch(r"-?[\d.]+(e[-+]\d+)?", text)
-            assert number or not text.lstrip().startswith(("=", "+", "-", "@", "\t", "|", "%")), (path.name, text[:40])
-            assert "\n" not in text and "\r" not in text and len(text) < 2100
-
-
-def test_hostile_labels_do_no_harm_in_excel_and_latex(hostile):
-    with zipfile.ZipFile(hostile / "comparison.xlsx") as book:
-        assert sum(name.startswith("xl/worksheets/") for name in book.namelist()) == 7
-        for name in book.namelist():
-            elements = list(ElementTree.fromstring(book.read(name)).iter())
-            assert not {"f", "hyperlink"} & {element.tag.rpartition("}")[2] for element in elements}  # no formula
-            for element in elements:
-                if element.tag.endswith("}t"):
-                    assert not (element.text or "").lstrip().startswith(("=", "+", "-", "@", "|"))
-                if element.tag.endswith("}v"):
-                    float(element.text)
-    text = (hostile / "comparison.tex").read_text(encoding="utf-8")
-    assert "\\input" not in text and "\\frac" not in text
-    assert text.count("\\begin{longtable}") == text.count("\\end{longtable}") == 3
-    bare = re.sub(r"\\.", "", text.split("\n", 1)[1])
-    assert bare.count("{") == bare.count("}") and bare.count("$") % 2 == 0 and "#" not in bare
 
 
 @pytest.mark.usefixtures("no_answers")
