@@ -27,6 +27,8 @@ from data_io import LogError, Record
 from experiments.case_variants import WRONG, scene_of_both, two_materials, with_scatter, wrong
 from experiments.designs import allowed, design
 from experiments.designs import scene_of as design_scene
+from experiments.force_plates import KINDS as PLATES
+from experiments.force_plates import plated
 from experiments.in_vivo import RATES, twin
 from experiments.judgement import FRICTION, judged
 from experiments.measured_records import FILES, RECORDS, TOGETHER
@@ -261,6 +263,20 @@ def chosen_effects(number: int) -> Line:
     return line | {"kind": kind, "right": right, "invented": bool(found - set(effects)), "found": sorted(found)}
 
 
+def behind_plate(number: int) -> Line:
+    """A pair behind a plate, or whose sensor stands elsewhere than the scene says; right: the parameters, or the sensor
+    named; under 5 % noise it may be refused, without a cause."""
+    kind = tuple(PLATES)[number % len(PLATES)]
+    made = plated(number // len(PLATES), *PLATES[kind])
+    line, _ = fitted(made.scene, made.case.records, made.case.truth)
+    named = f'force_sensor = "{made.measured}"' in line["message"] and line["status"] != "converged"
+    invented = bool(INVENTED.search(line["message"])) or ("force_sensor" in line["message"] and not named)
+    right = named if made.measured != made.stated else line["right"]
+    if "noise" in kind:
+        right = line["right"] or (line["status"] != "converged" and not invented)
+    return line | {"kind": kind, "named": named, "invented": invented, "right": right, "noise": made.noise}
+
+
 def treated_log(number: int) -> Line:
     """Logs smoothed or resampled before; right: nothing false, the treatment named unless the answer is right."""
     (scene, records, truth), kind = treated(number)
@@ -410,6 +426,7 @@ SAMPLES: Mapping[str, Sample] = {
     "scatter": Sample(scattered, 60, 12, 0.9),
     "coverage": Sample(coverage, 200, 40, coverage=(0.93, 0.97)),
     "auto": Sample(chosen_effects, 40, 6, 36 / 40),
+    "counterface": Sample(behind_plate, 240, 16, 57 / 60),
     "treated": Sample(treated_log, 210, 35, 0.9),
     "copies": Sample(copied_log, 40, 10, 38 / 40),
     "oscillating": Sample(lambda number: fitted(*oscillating(number), required=())[0], 20, 5, coverage=(0.93, 1.0)),

@@ -20,8 +20,13 @@ Array = NDArray[np.float64]
 PLATE_SEED = 68
 RTOL = 1e-10
 NOISE = (1e-3, 1e-2)  # of the load
-STATED = (("counterface", "counterface"), ("counterface", "drive"), ("drive", "counterface"))
-"""Where the force is measured, and where the scene says so."""
+KINDS = {
+    "plate": ("counterface", "counterface", None),
+    "plate as cell": ("counterface", "drive", None),
+    "cell as plate": ("drive", "counterface", None),
+    "plate, 5 % noise": ("counterface", "counterface", 0.05),
+}
+"""Where the force is measured, where the scene says so, and the noise [N] where it is not drawn."""
 
 
 def plate_force(motion: oracle.Oracle, times: Array, load: float) -> Array:

@@ -28,7 +28,7 @@ from identify.base.outcome import LogCurves, Status
 from identify.base.progress import Notice, Progress, noticed_once, to_nobody
 from identify.base.result import SearchTrial
 from identify.base.wording import distinct
-from identify.diagnosis.explain import MISFITS, explain, takes_misfit
+from identify.diagnosis.explain import MISFITS, explain, sensor_elsewhere, takes_misfit
 from identify.diagnosis.findings import Findings, against_data
 from identify.diagnosis.fitted import Fitted, fit_beside, values_of
 from identify.diagnosis.selection import choose_from_data
@@ -221,7 +221,8 @@ def plain_or_uneven(task: Task) -> tuple[list[Prepared], Findings]:
     differ = not alike([log for log in task.logs if log.left_out is None])
     with within((PLAIN_SHARE if differ else 1.0) * seconds_left()):
         prepared, findings = _estimated(task)
-    if findings.status is Status.CONVERGED or alike([log for log in prepared if log.left_out is None]):
+    explained = findings.status is Status.CONVERGED or findings.explained
+    if explained or alike([log for log in prepared if log.left_out is None]):
         return prepared, findings
     began = now()
     uneven = estimated_by(UnevenEstimator(), replace(task, logs=prepared))
@@ -242,6 +243,8 @@ def estimated_by(estimator: Estimator, task: Task) -> Findings:
 def _estimated(task: Task) -> tuple[list[Prepared], Findings]:
     """The logs as they were fitted and what was found: started, solved and tested, then quantified or explained."""
     prepared, unknowns = task.logs, task.unknowns
+    if elsewhere := sensor_elsewhere(task.scene, task.records, prepared, unknowns):
+        return prepared, elsewhere
     if refused := wrong_unit(prepared):
         return prepared, Findings(Status.MODEL_MISFIT, refused, unknowns)
     for explained in (partial(takes_misfit, unknowns=unknowns), SearchProblem.explained):

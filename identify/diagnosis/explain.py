@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
-from identify.base.budget import now
+from identify.base.budget import now, seconds_left
+from identify.base.budget import time_limit as within
 from identify.base.errors import FitError, SceneError
 from identify.base.outcome import Status
 from identify.base.progress import Progress
@@ -33,9 +34,10 @@ from identify.estimation.influence import largest_inflation, noise_of
 from identify.estimation.search import SearchProblem, search
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns, stated_rig
-from identify.model.model import RIG_PARAMETERS
+from identify.model.model import RIG_PARAMETERS, ForceSensorPlace
 from identify.prediction.wording import listed
 from identify.scene import Scene
+from identify.shooting.shooting import shooting_problem
 
 Array = NDArray[np.float64]
 
@@ -49,6 +51,7 @@ SETTLED = 0.3  # standard errors: a step that is smaller is the last one
 AUTOCORRELATED = 2.0  # samples that count as one: noise that a treatment of the signal may have left
 REFIT = "refit of a cause"
 REQUIRED_CYCLES = 3  # of a log that an answer has to describe
+JUMPS, SENSOR_SHARE = 0.25, 0.5  # share of falls that jump under the counterface; of the time left, for a fit of that
 LISTED, SEEN = 12, 2  # causes in the table; findings of the quality gate that are named
 
 
@@ -97,6 +100,36 @@ def explain(
         return findings
     progress("looking for what is wrong", 0.95)
     return _with_cause(findings, scene, read, Fitted(scene, findings.unknowns, tuple(prepared), attempt))
+
+
+def sensor_elsewhere(
+    scene: Scene, read: Sequence[Record], prepared: Sequence[Prepared], unknowns: Unknowns
+) -> Findings | None:
+    """Findings that the force was measured elsewhere than the scene says: the falls of the logs look so (jumps under a
+    counterface, none at the drive), and a fit with the other sensor confirms it. Else None."""
+    each = np.array([log.jumps for log in prepared if log.left_out is None or log.never_slips] or [(0, 0)])
+    count, falls = each.sum(axis=0).tolist()
+    at_plate = count > JUMPS * falls
+    place: ForceSensorPlace = "counterface" if at_plate else "drive"
+    if falls < REQUIRED_CYCLES or place == scene.rig.force_sensor:
+        return None
+    began = now()
+    with tracing(apart=True), within(SENSOR_SHARE * seconds_left()):
+        found = fit_model(replace(scene, rig=replace(scene.rig, force_sensor=place)), read, thorough=True)
+    note(SearchTrial(f"{REFIT}: force_sensor", (), "examined", None, round(now() - began, 4)))
+    if found.attempt is None or not found.attempt.fits:
+        return None
+    solved, at = found.attempt.solved, replace(unknowns, start=found.attempt.solved.theta)
+    stated = shooting_problem([log.data for log in found.attempt.fitted_logs], solved.trajectories, at, solved.grid)
+    squares = 2.0 * stated.evaluate(stated.start, derivatives=False).cost / max(stated.samples, 1)
+    cause = CauseResult("force_sensor", None, 1, squares * stated.samples - found.excess, None, count / falls, None)
+    where = "by a plate under the counterface" if at_plate else "between drive and mass"
+    message = (
+        f"a force measured {where} ({count} of {falls} falls are jumps) explains the misfit within the noise: "
+        f'force_sensor = "{place}" under [rig]; as stated the model does not describe these data (misfit {squares:.3g} '
+        "times the noise variance there)"
+    )
+    return Findings(Status.MODEL_MISFIT, message, unknowns, causes=(cause,), explained=True)
 
 
 def takes_misfit(attempt: Attempt, unknowns: Unknowns) -> bool:

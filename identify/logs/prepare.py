@@ -38,6 +38,7 @@ from identify.logs.segment import (
     STICK,
     Segmentation,
     drive_force,
+    jumps,
     noise_outside_slips,
     segment,
 )
@@ -458,6 +459,13 @@ class Prepared:
     def mean_load(self) -> float:
         """Mean of the measured normal force of the loaded rows, of all the record [N]."""
         return mean_and_drift(self.record.normal_force)[0]
+
+    @cached_property
+    def jumps(self) -> tuple[int, int]:
+        """How many falls of its force are jumps, and how many falls there are; see `segment.jumps`."""
+        inside = slice(*np.searchsorted(self.record.time, self.span))
+        force = bridged(self.force[inside], ~self.used[inside])
+        return jumps(force, self.data.noise, self.rig.half_period / self.data.interval)
 
     @property
     def scatter(self) -> float:

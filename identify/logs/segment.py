@@ -36,6 +36,8 @@ LEAST_RISE = 0.5  # of what a stick would rise: an interval with less contains s
 FADED = (0.85, 0.94)  # drop and steepness of the last swing against the first, where swings settle
 LOADING_RISE = 1.3  # times the typical drop: a first rise above that is loading from rest
 LINE_BLOCKS = ((24, 3), (12, 2), (8, 2))  # samples, and degree of its line: a rise between fast slips is bent
+WIDTHS, FEWEST_OF_SLIP = 16, 12  # windows of a slip, and samples of one, in which a jump is seen
+SHARP = 0.75  # of a fall over the wide window, that a jump makes in the narrow one
 SAME_FORCE = 4.0  # standard deviations by which two forces differ by chance
 RESOLVED = 0.5  # of a natural period over 2 pi, that samples may lie apart to show what a resonance does
 LONGER, MOST_LONGER = 1.015, 4.0  # times the noise in blocks twice as long: noise with a memory, and no noise any more
@@ -564,6 +566,26 @@ def drive_force(time: Array, force: Array, frequency: float, zeta: float) -> Arr
     out = np.interp(time, even, lfilter(above.ravel(), below, clean - line) + line)
     rings = noise * sqrt(1.0 + frequency * interval / (4.0 * max(zeta, 1e-3)))  # white noise, and what it makes ring
     return np.where(holes, np.nan, np.where(np.abs(out - force) < SAME_FORCE * rings, force, out))
+
+
+def jumps(force: Array, noise: float, slip: float) -> tuple[int, int]:
+    """How many falls of a finite force (n,) [N] are jumps from one sample to the next, and how many falls there are.
+
+    A smooth fall is four times as high over a window of four times the width, a jump as high. Under the counterface
+    the force jumps at every arrest, and falls once more at the onset; at the drive it swings.
+
+    Args:
+        noise: sd of the force [N]; slip: how many samples a slip takes; too few of them show nothing: (0, 0).
+    """
+    width = max(int(slip / WIDTHS), 1)
+    if not slip > FEWEST_OF_SLIP or force.size <= 16 * width:
+        return 0, 0
+    sums, at = np.concatenate([[0.0], np.cumsum(force)]), np.arange(4 * width, force.size - 4 * width)
+    narrow, wide = ((2.0 * sums[at] - sums[at - w] - sums[at + w]) / w for w in (width, 4 * width))
+    least = max(0.3 * float(np.max(wide)), 10.0 * noise / sqrt(width))
+    peaks = scipy.signal.find_peaks(wide, height=least, distance=4 * width)[0]
+    sharpest = scipy.ndimage.maximum_filter1d(narrow, 8 * width + 1)[peaks]
+    return int(np.count_nonzero(sharpest > SHARP * wide[peaks])), int(peaks.size)
 
 
 def noise_on_lines(force: Array, sticks: Iterable[tuple[int, int]], time: Array | None = None) -> float | None:

@@ -86,3 +86,19 @@ def test_the_parameters_are_identified_from_a_plate():
         estimate = result["parameters"][name]
         assert estimate["verdict"] == "identified"
         assert estimate["value"] == pytest.approx(true, abs=4.0 * estimate["standard_error"])
+
+
+@pytest.mark.parametrize("measured, stated", [("counterface", "drive"), ("drive", "counterface")])
+def test_a_sensor_that_is_elsewhere_is_named(measured, stated):
+    random, records = np.random.default_rng(69), []
+    for speed in SPEEDS[1:]:
+        times, plate, drive = _seen(*speed)
+        force = plate if measured == "counterface" else drive
+        records.append(Record(times, np.full(times.size, LOAD), force + NOISE * random.standard_normal(times.size)))
+    logs = [{"path": f"{speed}.csv", "drive_speed": speed} for speed, _, _ in SPEEDS[1:]]
+    document = {"effects": list(MAIN), "rig": RIG | {"force_sensor": stated}, "logs": logs}
+    result = fit(Scene.from_document(document, Path()), records, time_limit=300).result
+    assert result["status"] == "model_misfit"
+    assert f'force_sensor = "{measured}" under [rig]' in result["message"]
+    (cause,) = result["causes"]
+    assert cause["quantity"] == "force_sensor" and cause["score"] > 1e5
