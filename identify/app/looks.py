@@ -26,7 +26,7 @@ from identify.base.wording import quantity, speed_text
 from identify.logs.classical import table_of
 from identify.logs.prepare import Segmented
 from identify.logs.recorded_drive import SPEED_TEXT, speed_in
-from identify.logs.regime import look
+from identify.logs.regime import Known, look
 from identify.report.report_tables import stroke_table
 from identify.report.stored_result import plain
 
@@ -161,13 +161,14 @@ def seen_by_a_fit(log: Segmented) -> Document:
     columns = {name: getattr(cycles, name) for name in ("onset", "arrest", "onset_force", "arrest_force", "drop")}
     rows = zip(*(values.tolist() for values in columns.values()), strict=True)
     shown = within(log.record, entry.window)  # on a clock of its own, so that its phases are looked for again
+    seen = look(shown, log.speed, Known(plate=log.rig.plate))
     document: Document = {
         "cycles": [dict(zip(columns, row, strict=True)) for row in rows],
         "sign": log.sign,
         "noise": log.noise,
         "regime": "" if log.verdict.regime is None else log.verdict.regime.value.replace("_", " "),
         "evidence": list(log.verdict.evidence),
-        "table": classical_shown(table_of(shown, look(shown, log.speed), log.rig.stiffness).rows),
+        "table": classical_shown(table_of(shown, seen, log.rig.stiffness).rows),
         "stick_slope": None if slope is None else slope[0],
         "stiffness_of_sticks": None if slope is None else slope[0] / log.speed,
         "changes": [change.text for change in log.corrected.changes],

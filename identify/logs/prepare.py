@@ -18,7 +18,7 @@ from data_io.record import zero_of_times
 from identify.base.errors import FitError
 from identify.logs.judgement import ENDS_LOADING, RECORD_LONGER, Judgement, RecordPart, judge
 from identify.logs.log_data import LoadSpline, LogData, level, smooth, swing
-from identify.logs.noise import bridged, line_slope, running_means, slope_error, uneven
+from identify.logs.noise import bridged, line_slope, running_means, slope_error
 from identify.logs.recorded_drive import changes_speed, turns_of_sign
 from identify.logs.regime import (
     SURE,
@@ -39,7 +39,6 @@ from identify.logs.segment import (
     Segmentation,
     drive_force,
     jumps,
-    noise_outside_slips,
     segment,
 )
 from identify.logs.unknowns import Unknowns
@@ -141,29 +140,18 @@ def segmented(entry: LogEntry, record: Record, rig: Rig, *, elastic: bool = True
     force = -force if sign < 0 else force
     inner = slice(int(np.argmax(used)), used.size - int(np.argmax(used[::-1])))
     time, measured = record.time[inner], shown(force, used)[inner]
-    plate = rig.force_sensor == "counterface"
-    friction, measured = measured, _drive_force(rig, time, measured)
-    known = Known(rig.stiffness if elastic else 0.0, max(drive.speeds), rig.half_period or 0.0)
+    known = Known(rig.stiffness if elastic else 0.0, max(drive.speeds), rig.half_period or 0.0, rig.plate)
     if not drive.constant:
         verdict = _verdict_on_programme(time, measured, rig, drive, known)
     else:
         verdict = of_strokes(time, measured, turns_of_sign(measured), known, rig.noise)
     phases = verdict.phases
     if phases.low_snr:  # half lost in the noise: those that the period of the rig shows; the model fills in the others
-        phases = segment(time, measured, half_period=rig.half_period or None, noise=rig.noise)
-    if plate:  # the noise is that of the friction, not of what a load cell would show of it
-        clean = bridged(friction, ~np.isfinite(measured))
-        stamps = time if uneven(time) else None  # in fast logs the mass slides through half of what rises
-        phases = replace(phases, noise=noise_outside_slips(clean, phases.phase, stamps, inner=0.3))
+        phases = segment(time, measured, half_period=rig.half_period or None, noise=rig.noise, plate=rig.plate)
     counted = used.copy()
     counted[inner] &= ~phases.spikes
     noise = rig.noise or phases.noise
     return Segmented(entry, rig, drive, corrected, sign, force, used, counted, time, measured, phases, noise, verdict)
-
-
-def _drive_force(rig: Rig, time: Array, force: Array) -> Array:
-    """A measured force (n,) [N] as a load cell at the drive shows it."""
-    return force if rig.force_sensor == "drive" else drive_force(time, force, rig.natural_frequency, rig.zeta)
 
 
 def _drive(rig: Rig, entry: LogEntry, record: Record) -> Drive:
@@ -208,12 +196,12 @@ def _moves(drive: Drive, time: Array) -> Bools:
 def _verdict_on_programme(time: Array, force: Array, rig: Rig, drive: Drive, known: Known) -> Verdict:
     """The regime where the drive changes its speed or stands: slips are found without its rests, along its way."""
     half_period, moves = rig.half_period or None, _moves(drive, time)
-    phases = segment(time, force, half_period=half_period, noise=rig.noise)
+    phases = segment(time, force, half_period=half_period, noise=rig.noise, plate=rig.plate)
     names = ("onset", "fall", "arrest")
     if not np.all(moves) and np.count_nonzero(moves) >= FEWEST:
         moved, steps = time[moves], np.diff(time[moves])
         run = np.concatenate([[0.0], np.cumsum(np.minimum(steps, GAP * float(np.median(steps))))])
-        cycles = segment(run, force[moves], half_period=half_period, noise=phases.noise).cycles
+        cycles = segment(run, force[moves], half_period=half_period, noise=phases.noise, plate=rig.plate).cycles
         # From the row before: what ends where the drive stops ends there, and not where it starts again.
         before = {name: np.maximum(np.searchsorted(run, getattr(cycles, name)) - 1, 0) for name in names}
         times = {name: moved[row] + getattr(cycles, name) - run[row] for name, row in before.items()}
@@ -227,7 +215,7 @@ def _verdict_on_programme(time: Array, force: Array, rig: Rig, drive: Drive, kno
         cycles = replace(phases.cycles, **times)
         along = replace(phases, cycles=cycles, spikes=phases.spikes[rows], phase=phases.phase[rows])
         if not classify(travel[rows], force[rows], known, given=along).phases.count:
-            phases = segment(time, force, half_period=half_period, noise=rig.noise, slips=False)
+            phases = segment(time, force, half_period=half_period, noise=rig.noise, slips=False, plate=rig.plate)
     return Verdict(Regime.PROGRAMME, SURE, ("the drive changes its speed",), phases)
 
 
@@ -599,11 +587,11 @@ def _pieces(log: Prepared, whole: Segmented, stiffness: float) -> tuple[Prepared
     for start, stop, speed in moving_pieces(data.programme or Drive((0.0,), (data.drive_speed,)), data.begin, data.end):
         rows = slice(*np.searchsorted(data.time, [start, stop]))
         time, force = data.time[rows], np.where(data.weight[rows] > 0, data.force[rows], np.nan)
-        force = _drive_force(whole.rig, time, force)
-        verdict = classify(time, force, Known(stiffness, speed, half_period), noise=whole.noise)
+        known = Known(stiffness, speed, half_period, whole.rig.plate)
+        verdict = classify(time, force, known, noise=whole.noise)
         phases = verdict.phases
         if phases.low_snr:
-            phases = segment(time, force, half_period=half_period or None, noise=whole.noise)
+            phases = segment(time, force, half_period=half_period or None, noise=whole.noise, plate=known.plate)
         part = replace(whole, time=time, measured=force, drive=Drive.of(speed))
         fit_mode, slip_times = fit_mode_of(part, phases, phases.cycles.fall, stiffness), np.empty(0)
         if fit_mode.name == "cycles" and phases.count >= FEW_SLIPS:
@@ -656,8 +644,10 @@ def _left_out(fit_mode: FitMode, log: Segmented, judgement: Judgement) -> str | 
 
 def at_drive(log: Prepared) -> LogData:
     """The data of a log with the force that a load cell at the drive shows; where it was measured there, its own."""
-    seen = _drive_force(log.rig, log.data.time, log.data.force)
-    return log.data if seen is log.data.force else replace(log.data, force=bridged(seen, ~np.isfinite(seen)))
+    data = log.data
+    if log.rig.plate is None:
+        return data
+    return replace(data, force=drive_force(data.time, bridged(data.force, data.weight == 0.0), *log.rig.plate))
 
 
 def settled_part(prepared: Prepared) -> Prepared | None:

@@ -20,8 +20,9 @@ from data_io import Record
 from data_io.arrays import thinned
 from data_io.quality import presses
 from identify.base.wording import three_figures
+from identify.logs.noise import bridged
 from identify.logs.recorded_drive import DriveCourse, Stroke, changes_speed, one_speed, strokes
-from identify.logs.segment import FEWEST, SLIDING, DetectedCycles, Segmentation, segment
+from identify.logs.segment import FEWEST, SLIDING, DetectedCycles, Resonance, Segmentation, drive_force, segment
 
 Array = NDArray[np.float64]
 
@@ -60,11 +61,13 @@ class Regime(StrEnum):
 
 @dataclass(frozen=True)
 class Known:
-    """What is known of rig and drive, 0: unknown. stiffness [N/m], drive_speed [m/s], half_period pi sqrt(m/k) [s]."""
+    """What is known of rig and drive, 0: unknown. stiffness [N/m], drive_speed [m/s], half_period pi sqrt(m/k) [s];
+    plate: its resonance where the force is measured under the counterface."""
 
     stiffness: float = 0.0
     drive_speed: float = 0.0
     half_period: float = 0.0
+    plate: Resonance | None = None
 
     @property
     def loading_rate(self) -> float:
@@ -122,15 +125,15 @@ def classify(
     half_periods = [known.half_period, None] if known.half_period and given is None else [None]
     brief = sliding = None
     for half_period in half_periods:
-        phases = given or segment(time, force, half_period=half_period, noise=noise)
+        phases = given or segment(time, force, half_period=half_period, noise=noise, plate=known.plate)
         if phases.count == 0 and phases.phase.size and not phases.share(SLIDING):
             return Verdict(None, SURE, ("the force only rises: no slip has come yet",), phases)
         if phases.phase.size < FEWEST:
             return Verdict(None, 0.5, (f"{phases.phase.size} rows are too few to judge a regime",), phases)
-        shape = _Shape.of(time, force, phases)
+        shape = _Shape.of(time, _at_drive(time, force, phases, known), phases)
         slips, confidence, evidence = _discriminate(shape, phases, known)
         if slips and not phases.slides_on(phases.count):
-            return _named(time, force, Verdict(Regime.STICK_SLIP, confidence, evidence, phases), shape)
+            return _named(time, force, Verdict(Regime.STICK_SLIP, confidence, evidence, phases), shape, known.plate)
         if slips:
             word = "one slip" if phases.count == 1 else f"{phases.count} slips"
             evidence = (*evidence, f"{word} at first, then it slides")
@@ -141,13 +144,19 @@ def classify(
     assert sliding is not None
     if abs(float(np.nanmedian(force))) < 2.0 * phases.noise:
         return Verdict(None, 0.9, ("no friction above its noise: the drive stands, or nothing presses",), phases)
-    phases = segment(time, force, half_period=known.half_period or None, noise=noise, slips=False)
+    phases = segment(time, force, half_period=known.half_period or None, noise=noise, slips=False, plate=known.plate)
     seen = Spectrum.of(time, np.where((phases.phase == SLIDING) & ~phases.spikes, force, np.nan))
     if seen is None or not seen.stands_out():
         return replace(sliding, phases=phases)
     rhythm = seen.oscillation
     text = f"it oscillates by {rhythm.range:.3g} N at {rhythm.frequency:.3g} Hz"
     return replace(sliding, phases=phases, rhythm=rhythm, evidence=(*sliding.evidence, text))
+
+
+def _at_drive(time: Array, force: Array, phases: Segmentation, known: Known) -> Array:
+    """A force (n,) [N] as a load cell at the drive shows it, which is what rises and falls are compared in."""
+    holes = ~np.isfinite(force) | phases.spikes
+    return force if known.plate is None or holes.all() else drive_force(time, bridged(force, holes), *known.plate)
 
 
 # The shape of rises and falls, and the test of it.
@@ -269,7 +278,7 @@ def _probability(odds: float) -> float:
     return float(min(1.0 / (1.0 + np.exp(-abs(odds))), SURE))
 
 
-def _named(time: Array, force: Array, verdict: Verdict, shape: _Shape) -> Verdict:
+def _named(time: Array, force: Array, verdict: Verdict, shape: _Shape, plate: Resonance | None) -> Verdict:
     """Which stick-slip it is; an even sine at a frequency of the mains is none."""
     phases = verdict.phases
     if shape.one_sine:
@@ -282,7 +291,7 @@ def _named(time: Array, force: Array, verdict: Verdict, shape: _Shape) -> Verdic
             return Verdict(Regime.SLIDING, verdict.confidence, (text,), segment(time, force, slips=False), hum)
         text = f"the mean cycle is a sine to {100 * shape.sine:.1f} %, {shape.frequency:.3g} times a second"
         text += ": its rests are short, and mu_s, t_cr and D are poorly determined; record slower as well"
-        cycles = segment(time, force, half_period=0.5 / shape.frequency)
+        cycles = segment(time, force, half_period=0.5 / shape.frequency, plate=plate)
         return Verdict(Regime.NEAR_HARMONIC, verdict.confidence, (*verdict.evidence, text), cycles)
     drop, scatter = phases.cycles.drop[1:], 0.0
     if drop.size >= 6 and phases.stick_slope is not None:

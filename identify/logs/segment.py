@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 Phase = NDArray[np.int8]
+Resonance = tuple[float, float]  # of a rig: natural frequency [rad/s], damping ratio
 
 STICK, SLIP, SLIDING = 0, 1, 2
 FEWEST = 8  # samples of a log that can be looked at at all
@@ -38,6 +39,7 @@ LOADING_RISE = 1.3  # times the typical drop: a first rise above that is loading
 LINE_BLOCKS = ((24, 3), (12, 2), (8, 2))  # samples, and degree of its line: a rise between fast slips is bent
 WIDTHS, FEWEST_OF_SLIP = 16, 12  # windows of a slip, and samples of one, in which a jump is seen
 SHARP = 0.75  # of a fall over the wide window, that a jump makes in the narrow one
+INNER = 0.3  # of a rise at the drive, at either end: there the mass slides already, or still
 SAME_FORCE = 4.0  # standard deviations by which two forces differ by chance
 RESOLVED = 0.5  # of a natural period over 2 pi, that samples may lie apart to show what a resonance does
 LONGER, MOST_LONGER = 1.015, 4.0  # times the noise in blocks twice as long: noise with a memory, and no noise any more
@@ -166,7 +168,13 @@ def _mean_and_sd(values: Array) -> tuple[float, float] | None:
 
 
 def segment(
-    time: Array, force: Array, *, half_period: float | None = None, noise: float | None = None, slips: bool = True
+    time: Array,
+    force: Array,
+    *,
+    half_period: float | None = None,
+    noise: float | None = None,
+    slips: bool = True,
+    plate: Resonance | None = None,
 ) -> Segmentation:
     """Finds the sticks and slips of a force record.
 
@@ -180,6 +188,8 @@ def segment(
         half_period: pi sqrt(m/k) [s] where the rig is known: it bounds the average.
         noise: standard deviation of the force [N] where it is known, else estimated.
         slips: False where it is known that no fall of it is one: loading, then sliding.
+        plate: the resonance of the rig where the force is measured under the counterface: slips are found in the force
+            at the drive, and have the times and forces of the measured one.
 
     Raises:
         ValueError: time and force of different shapes.
@@ -203,19 +213,24 @@ def segment(
     clean = bridged(clean, masked)
     interval = float(np.median(thinned_steps(time)))
     sd = white if noise is None else noise
-    trace = _traced(time, clean, sd, None if half_period is None else half_period / interval, slips)
+    seen = clean if plate is None else drive_force(time, clean, *plate)
+    trace = _traced(time, seen, sd, None if half_period is None else half_period / interval, slips)
     judged = _judge(trace)
     phase, ends_sliding = _label(judged)
-    cycles = _cycles(judged)
+    cycles = _cycles(judged) if seen is clean else _at_jumps(_cycles(judged), time, clean)
     lasting = half_period or _median(cycles.arrest - cycles.onset)
     low_snr = cycles.count > 0 and _median(cycles.drop) * sqrt(max(NARROW * lasting / interval, 1.0)) < CLEAR * sd
     loading = judged.loading_slope
     if not judged.slips.any():
         knee = _loading_knee(trace)
         loading = trace.slope(0, knee) if knee else None
-    if noise is None:  # what lies between slips lost in the noise holds others
-        noise = noise_outside_slips(clean, phase[:0] if low_snr else phase, stamps)
-        noise = max(noise, grid_step(kept(force, ~holes)[: 1 << 15]) / sqrt(12.0))  # never less than its rounding
+    if noise is None:  # what lies between slips lost in it holds others; never less than the rounding of the file
+        inner = 0.0 if seen is clean else INNER
+        edges = [0, *(np.flatnonzero(np.diff(phase)) + 1).tolist(), int(phase.size)]
+        runs = [(first, end, int(inner * (end - first))) for first, end in pairwise(edges) if phase[first] != SLIP]
+        rests = [(first + less, end - less) for first, end, less in runs]
+        about_lines = None if low_snr else noise_on_lines(clean, rests, stamps)
+        noise = max(about_lines or white, grid_step(kept(force, ~holes)[: 1 << 15]) / sqrt(12.0))
     return Segmentation(
         cycles=cycles,
         noise=noise,
@@ -520,20 +535,28 @@ def _cycles(trace: _Trace) -> DetectedCycles:
     return DetectedCycles(*np.array(rows, dtype=np.float64).reshape(-1, 5).T)
 
 
+def _at_jumps(cycles: DetectedCycles, time: Array, force: Array) -> DetectedCycles:
+    """Cycles seen in the force at the drive with onset and arrest of the force under the counterface (n,): its highest
+    before the fall, and the jump after it."""
+    rows, before = [], 0
+    for i, fall in enumerate(cycles.fall.tolist()):
+        following = float(cycles.onset[i + 1]) if i + 1 < cycles.count else float(time[-1])
+        end = min(fall + 2.0 * float(cycles.arrest[i] - cycles.onset[i]), 0.5 * (fall + following))
+        middle, last = np.searchsorted(time, [fall, max(end, float(cycles.arrest[i]))]).tolist()
+        jump = middle + int(np.argmax(force[middle:last] - force[middle + 1 : last + 1]))
+        width = max((jump - middle) // 8, 1) | 1
+        peak = before + int(np.argmax(smooth(force[before : middle + 1], width)))
+        high = _level(force, max(peak - 2 * width, before), peak + width // 2, peak)
+        low = _level(force, jump + 1, min(jump + 1 + 4 * width, force.size - 1), jump + 1)
+        rows.append((time[peak], high, fall, time[jump + 1], low))
+        before = jump + 1
+    return DetectedCycles(*np.array(rows, dtype=np.float64).reshape(-1, 5).T)
+
+
 def _level(force: Array, start: int, stop: int, at: int) -> float:
     """Force at sample `at` from a parabola (a line where one side is short) through samples start to stop [N]."""
     f, x = force[start : stop + 1], np.arange(start, stop + 1) - at
     return float(np.polyfit(x, f, 2 if min(-x[0], x[-1]) >= 3 else 1)[-1]) if f.size >= 4 else float(force[at])
-
-
-def noise_outside_slips(force: Array, phase: Phase, time: Array | None = None, *, inner: float = 0.0) -> float:
-    """Sd of the noise [N] of a finite force (n,), about lines through what is no slip; its white part where there are
-    too few of these. phase: (n,), or empty where it is not known; time: as in `noise_on_lines`; inner: share of each
-    stretch that is left out at either end."""
-    edges = [0, *(np.flatnonzero(np.diff(phase)) + 1).tolist(), int(phase.size)]
-    runs = [(first, end, int(inner * (end - first))) for first, end in pairwise(edges) if first < end]
-    rests = [(first + less, end - less) for first, end, less in runs if phase[first] != SLIP]
-    return noise_on_lines(force, rests, time) or white_noise(force, time)
 
 
 def drive_force(time: Array, force: Array, frequency: float, zeta: float) -> Array:
@@ -542,30 +565,26 @@ def drive_force(time: Array, force: Array, frequency: float, zeta: float) -> Arr
     The rig is a mass on a spring and damper with this friction on it, m x'' = pull - friction, so that the pull is the
     friction through its resonance: (c s + k)/(m s^2 + c s + k), exact for a force that is linear between samples. Where
     both agree within the noise nothing accelerates the mass, and the force stands as it is, or that resonance would
-    ring with the noise through every stick. NaN where the force is, and at its spikes; the force itself where its
-    samples do not resolve that resonance.
+    ring with the noise through every stick. The force itself where its samples do not resolve that resonance.
 
     Args:
-        frequency: natural frequency of the rig [rad/s]; zeta: its damping ratio.
+        time: (n,) [s]; force: finite. frequency: natural frequency of the rig [rad/s]; zeta: its damping ratio.
     """
     from scipy.signal import cont2discrete, lfilter  # which take a third of a second to load
 
-    holes = ~np.isfinite(force)
     interval = float(np.median(thinned_steps(time)))
-    if not frequency * interval < RESOLVED or holes.all():
+    if not frequency * interval < RESOLVED:
         return force
-    clean = bridged(force, holes)
-    noise = white_noise(clean)
-    holes = holes | spikes(clean, noise)
+    noise = white_noise(force)
     even = np.arange(time[0], time[-1] + 0.5 * interval, interval)
-    clean = np.interp(even, time[~holes], force[~holes])
+    clean = np.interp(even, time, force)
     numerator, denominator = [2.0 * zeta * frequency, frequency**2], [1.0, 2.0 * zeta * frequency, frequency**2]
     above, below, _ = cont2discrete((numerator, denominator), interval, "foh")
     first = slice(max(int(np.pi / (frequency * interval)), 2))  # half a period: it begins at rest, along that line
     line = clean[0] + line_slope(even[first], clean[first], noise) * (even - even[0])
     out = np.interp(time, even, lfilter(above.ravel(), below, clean - line) + line)
     rings = noise * sqrt(1.0 + frequency * interval / (4.0 * max(zeta, 1e-3)))  # white noise, and what it makes ring
-    return np.where(holes, np.nan, np.where(np.abs(out - force) < SAME_FORCE * rings, force, out))
+    return np.where(np.abs(out - force) < SAME_FORCE * rings, force, out)
 
 
 def jumps(force: Array, noise: float, slip: float) -> tuple[int, int]:

@@ -106,7 +106,7 @@ def log_result(
     # the classical table is of what the window of the scene leaves
     record = within(record, window and (begin + window[0], begin + window[1]))
     speed = log.data.drive_speed
-    seen = look(record, speed, Known(log.rig.stiffness), phases=log.segmentation)
+    seen = look(record, speed, Known(log.rig.stiffness, plate=log.rig.plate), phases=log.segmentation)
     return LogResult(
         part_of=part_of,
         path=str(log.entry.path),

@@ -80,6 +80,11 @@ class Rig:
         return math.sqrt(self.stiffness / self.mass) if self.mass else math.inf
 
     @property
+    def plate(self) -> tuple[float, float] | None:
+        """Natural frequency [rad/s] and damping ratio where the force is measured under the counterface, else None."""
+        return (self.natural_frequency, self.zeta) if self.force_sensor == "counterface" else None
+
+    @property
     def half_period(self) -> float:
         """Half a natural period, the time scale of one slip [s]."""
         return math.pi / self.natural_frequency
