@@ -19,7 +19,7 @@ from identify.logs.classical import table_of
 from identify.logs.judgement import Judgement, RecordPart, judge
 from identify.logs.recorded_drive import NOT_STATED, RecordedDrive, drive_of, recorded_drive
 from identify.logs.regime import SURE, Known, LogRegime, Regime, joined, look, only_of
-from identify.logs.segment import SLIDING, SLIP, STICK, Segmentation
+from identify.logs.segment import SLIDING, SLIP, STICK, Segmentation, jumps, sensor_place
 from identify.report.report_tables import stroke_table, with_sd
 
 MOST_STROKES = 2  # fit beside each other in 80 columns
@@ -103,8 +103,25 @@ def inspection(path: str, record: Record, rig: StatedRig = StatedRig()) -> Inspe
     if 0 < len(moving) < len(steps):
         kept = [i for i, own in enumerate(regime.strokes) if any(own in s.seen.strokes for s in moving)]
         regime = only_of(regime, kept)
+    regime = replace(regime, evidence=(*regime.evidence, *_measured_at(record, steps, known)))
     table = table_of(record, regime, stiffness=rig.stiffness)
     return Inspection(path, record, judge(record, parts), tuple(steps), table, recorded, regime)
+
+
+def _measured_at(record: Record, steps: Sequence[StepSeen], known: Known) -> list[str]:
+    """Where the force seems to be measured, in a sentence; none where it is as usual, or does not show."""
+    each = []
+    for step in steps:
+        rows, phases = slice(step.step.start, step.step.stop), step.phases
+        slip = known.half_period / phases.sample_interval
+        each.append(jumps(step.signs * record.friction_force[rows], phases, slip))
+    count, falls = np.sum(each or [(0, 0)], axis=0).tolist()
+    if sensor_place(count, falls) != "counterface":
+        return []
+    return [
+        f"{count} of {falls} falls of the force are jumps from one sample to the next, as under a counterface: where a "
+        'plate there measures it, a scene needs force_sensor = "counterface" under [rig]'
+    ]
 
 
 def lines(seen: Inspection) -> Iterator[str]:

@@ -33,8 +33,9 @@ from identify.estimation.fit_wording import EXCHANGE, wrong_unit
 from identify.estimation.influence import largest_inflation, noise_of
 from identify.estimation.search import SearchProblem, search
 from identify.logs.prepare import Prepared
+from identify.logs.segment import sensor_place
 from identify.logs.unknowns import Unknowns, stated_rig
-from identify.model.model import RIG_PARAMETERS, ForceSensorPlace
+from identify.model.model import RIG_PARAMETERS
 from identify.prediction.wording import listed
 from identify.scene import Scene
 from identify.shooting.shooting import shooting_problem
@@ -51,7 +52,7 @@ SETTLED = 0.3  # standard errors: a step that is smaller is the last one
 AUTOCORRELATED = 2.0  # samples that count as one: noise that a treatment of the signal may have left
 REFIT = "refit of a cause"
 REQUIRED_CYCLES = 3  # of a log that an answer has to describe
-JUMPS, SENSOR_SHARE = 0.25, 0.5  # share of falls that jump under the counterface; of the time left, for a fit of that
+SENSOR_SHARE = 0.5  # of the time that is left, for a fit with the force measured elsewhere
 LISTED, SEEN = 12, 2  # causes in the table; findings of the quality gate that are named
 
 
@@ -109,9 +110,8 @@ def sensor_elsewhere(
     counterface, none at the drive), and a fit with the other sensor confirms it. Else None."""
     each = np.array([log.jumps for log in prepared if log.left_out is None or log.never_slips] or [(0, 0)])
     count, falls = each.sum(axis=0).tolist()
-    at_plate = count > JUMPS * falls
-    place: ForceSensorPlace = "counterface" if at_plate else "drive"
-    if falls < REQUIRED_CYCLES or place == scene.rig.force_sensor:
+    place = sensor_place(count, falls)
+    if place is None or place == scene.rig.force_sensor:
         return None
     began = now()
     with tracing(apart=True), within(SENSOR_SHARE * seconds_left()):
@@ -123,7 +123,7 @@ def sensor_elsewhere(
     stated = shooting_problem([log.data for log in found.attempt.fitted_logs], solved.trajectories, at, solved.grid)
     squares = 2.0 * stated.evaluate(stated.start, derivatives=False).cost / max(stated.samples, 1)
     cause = CauseResult("force_sensor", None, 1, squares * stated.samples - found.excess, None, count / falls, None)
-    where = "by a plate under the counterface" if at_plate else "between drive and mass"
+    where = "by a plate under the counterface" if place == "counterface" else "between drive and mass"
     message = (
         f"a force measured {where} ({count} of {falls} falls are jumps) explains the misfit within the noise: "
         f'force_sensor = "{place}" under [rig]; as stated the model does not describe these data (misfit {squares:.3g} '

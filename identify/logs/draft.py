@@ -25,6 +25,7 @@ from identify.logs.recorded_drive import (
     velocity_text,
 )
 from identify.logs.regime import Regime, joined, look
+from identify.logs.segment import jumps, sensor_place
 from identify.scene.toml import to_fill_in
 
 FEWEST_CYCLES = 2
@@ -43,7 +44,12 @@ STIFFNESS
 zeta = "TODO"   # damping ratio: tap the holder, drive at rest; if n swings later 1/e is left, 1/(2 pi n)
 # instead of zeta: log_decrement, loss_factor (= 2 zeta), or the h of eq. 1 (h = 2 zeta k, of a dashpot c
 # h = c sqrt(k/m)): damping = "147 N/m"
+SENSOR
 """
+SENSORS = {
+    True: 'force_sensor = "counterface"   # the force jumps at many falls, as a plate there shows it; else "drive"',
+    False: '# force_sensor = "counterface"   # where a plate there measures the force, and no load cell at the drive',
+}
 
 
 @dataclass(frozen=True)
@@ -67,7 +73,8 @@ class Draft:
 @dataclass(frozen=True)
 class _Seen:
     """What one piece shows, SI. stiffness [N/m]: while the contact sticks, the force rises at stiffness times drive
-    speed; slope [N/s]: of a typical stick; None without one, or an unknown speed; left_out: why it is, "" where not."""
+    speed; slope [N/s]: of a typical stick; None without one, or an unknown speed; jumps: how many falls of the force
+    are jumps, and how many falls there are; left_out: why it is, "" where not."""
 
     piece: DraftLog
     drive: RecordedDrive
@@ -76,6 +83,7 @@ class _Seen:
     stiffness: float | None
     noise: float
     slides: bool
+    jumps: tuple[int, int]
     left_out: str
 
 
@@ -102,7 +110,8 @@ def draft(pieces: Sequence[DraftLog], folder: Path, options: Mapping[str, object
         )
     measured_rig = "" if rig is None else f"rig = {_located(rig, folder)}   # as measured: stickslip rig\n"
     text = HEAD + f"effects = [{effects}]{'   # friction follows the measured load' if measured else ''}\n\n"
-    text += (measured_rig or RIG.replace("STIFFNESS", stiffness)) + PARAMETERS
+    plate = sensor_place(*np.sum([log.jumps for log in used], axis=0).tolist()) == "counterface"
+    text += (measured_rig or RIG.replace("STIFFNESS", stiffness).replace("SENSOR", SENSORS[plate])) + PARAMETERS
     left_out = []
     for i, log in enumerate(logs):
         rest = next((o for o in reversed(logs[:i]) if o.drive.stands and o.piece.path == log.piece.path), None)
@@ -143,7 +152,8 @@ def _seen(piece: DraftLog) -> _Seen:
     )
     slope = float(np.median([slope for slope, _ in slopes])) if slopes else None
     stiffness = float(np.median(stiffnesses)) if stiffnesses else None
-    return _Seen(piece, drive, facts, slope, stiffness, whole.noise, slides, left_out)
+    falls = jumps(signs * record.friction_force, whole, 0.0)
+    return _Seen(piece, drive, facts, slope, stiffness, whole.noise, slides, falls, left_out)
 
 
 def _log_lines(log: _Seen, folder: Path, options: Mapping[str, object], rest: _Seen | None) -> list[str]:

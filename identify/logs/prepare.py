@@ -452,8 +452,8 @@ class Prepared:
     def jumps(self) -> tuple[int, int]:
         """How many falls of its force are jumps, and how many falls there are; see `segment.jumps`."""
         inside = slice(*np.searchsorted(self.record.time, self.span))
-        force = bridged(self.force[inside], ~self.used[inside])
-        return jumps(force, self.data.noise, self.rig.half_period / self.data.interval)
+        force, noisy = shown(self.force, self.used)[inside], replace(self.segmentation, noise=self.data.noise)
+        return jumps(force, replace(noisy, spikes=~self.used[inside]), self.rig.half_period / self.data.interval)
 
     @property
     def scatter(self) -> float:

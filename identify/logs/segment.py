@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from data_io.arrays import grid_step, kept, thinned_steps
 from identify.base.quantiles import chi_square
 from identify.logs.noise import bridged, line_slope, smooth, spikes, uneven, white_noise
+from identify.model.base import ForceSensorPlace
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -38,6 +39,7 @@ FADED = (0.85, 0.94)  # drop and steepness of the last swing against the first, 
 LOADING_RISE = 1.3  # times the typical drop: a first rise above that is loading from rest
 LINE_BLOCKS = ((24, 3), (12, 2), (8, 2))  # samples, and degree of its line: a rise between fast slips is bent
 WIDTHS, FEWEST_OF_SLIP = 16, 12  # windows of a slip, and samples of one, in which a jump is seen
+JUMPS = 0.25  # of the falls, that jump under the counterface at least: as a rule half of them
 SHARP = 0.75  # of a fall over the wide window, that a jump makes in the narrow one
 INNER = 0.3  # of a rise at the drive, at either end: there the mass slides already, or still
 SAME_FORCE = 4.0  # standard deviations by which two forces differ by chance
@@ -587,24 +589,32 @@ def drive_force(time: Array, force: Array, frequency: float, zeta: float) -> Arr
     return np.where(np.abs(out - force) < SAME_FORCE * rings, force, out)
 
 
-def jumps(force: Array, noise: float, slip: float) -> tuple[int, int]:
-    """How many falls of a finite force (n,) [N] are jumps from one sample to the next, and how many falls there are.
+def jumps(force: Array, phases: Segmentation, slip: float) -> tuple[int, int]:
+    """How many falls of a force (n,) [N] are jumps from one sample to the next, and how many falls there are.
 
     A smooth fall is four times as high over a window of four times the width, a jump as high. Under the counterface
     the force jumps at every arrest, and falls once more at the onset; at the drive it swings.
 
     Args:
-        noise: sd of the force [N]; slip: how many samples a slip takes; too few of them show nothing: (0, 0).
+        phases: of the force; slip: how many samples a slip takes, 0: as in these; too few show nothing: (0, 0).
     """
+    slip, noise, holes = slip or phases.samples_per_slip, phases.noise, ~np.isfinite(force) | phases.spikes
     width = max(int(slip / WIDTHS), 1)
-    if not slip > FEWEST_OF_SLIP or force.size <= 16 * width:
+    if not slip > FEWEST_OF_SLIP or force.size <= 16 * width or holes.all():
         return 0, 0
-    sums, at = np.concatenate([[0.0], np.cumsum(force)]), np.arange(4 * width, force.size - 4 * width)
+    sums, at = np.concatenate([[0.0], np.cumsum(bridged(force, holes))]), np.arange(4 * width, force.size - 4 * width)
     narrow, wide = ((2.0 * sums[at] - sums[at - w] - sums[at + w]) / w for w in (width, 4 * width))
     least = max(0.3 * float(np.max(wide)), 10.0 * noise / sqrt(width))
     peaks = scipy.signal.find_peaks(wide, height=least, distance=4 * width)[0]
     sharpest = scipy.ndimage.maximum_filter1d(narrow, 8 * width + 1)[peaks]
     return int(np.count_nonzero(sharpest > SHARP * wide[peaks])), int(peaks.size)
+
+
+def sensor_place(count: int, falls: int) -> ForceSensorPlace | None:
+    """Where a force was measured of which so many falls are jumps; None where there are too few to say."""
+    if falls < FEW_SLIPS:
+        return None
+    return "counterface" if count > JUMPS * falls else "drive"
 
 
 def noise_on_lines(force: Array, sticks: Iterable[tuple[int, int]], time: Array | None = None) -> float | None:
