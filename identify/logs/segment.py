@@ -604,10 +604,10 @@ def jumps(force: Array, phases: Segmentation, slip: float) -> tuple[int, int]:
         return 0, 0
     sums, at = np.concatenate([[0.0], np.cumsum(bridged(force, holes))]), np.arange(4 * width, force.size - 4 * width)
     narrow, wide = ((2.0 * sums[at] - sums[at - w] - sums[at + w]) / w for w in (width, 4 * width))
-    least = max(0.3 * float(np.max(wide)), 10.0 * noise / sqrt(width))
-    peaks = scipy.signal.find_peaks(wide, height=least, distance=4 * width)[0]
-    sharpest = scipy.ndimage.maximum_filter1d(narrow, 8 * width + 1)[peaks]
-    return int(np.count_nonzero(sharpest > SHARP * wide[peaks])), int(peaks.size)
+    least = max(0.15 * float(np.max(wide)), 8.0 * noise / sqrt(width))
+    ends = np.flatnonzero(np.diff(wide > least, prepend=False, append=False))  # of one fall after the other
+    highest, sharpest = (np.maximum.reduceat(np.append(fall, 0.0), ends)[::2] for fall in (wide, narrow))
+    return int(np.count_nonzero(sharpest > SHARP * highest)), int(highest.size)
 
 
 def sensor_place(count: int, falls: int) -> ForceSensorPlace | None:
