@@ -69,8 +69,8 @@ def test_a_zero_of_the_friction_force_is_named_where_the_load_varies():
     ("restrained", "name", "by"),
     [
         ({"t_cr": {"prior": {"mean": 2.0, "sd": 0.02}}}, "t_cr", "its prior (2 s ± 0.02 s)"),
-        ({"D": {"fixed": 1e-4}}, "D", "the value it is fixed at (0.1 mm)"),
-        ({"a": {"upper": 150.0}}, "a", "its bounds"),
+        pytest.param({"D": {"fixed": 1e-4}}, "D", "the value it is fixed at (0.1 mm)", marks=pytest.mark.slow),
+        pytest.param({"a": {"upper": 150.0}}, "a", "its bounds", marks=pytest.mark.slow),
     ],
     ids=["prior", "held", "bound"],
 )
