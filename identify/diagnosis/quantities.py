@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from identify.base.wording import distinct, speed_scale, three_figures
@@ -100,12 +101,10 @@ def _lagged(log: LogData, curve: Array, lag: float) -> Array:
     decay = np.exp(-log.interval / lag)
     ramp = lag * (1.0 - decay) / log.interval
     before = curve[0] - lag * (curve[1] - curve[0]) / log.interval  # settled on the slope that the record begins with
-    from scipy.signal import lfilter  # which takes a third of a second to load
-
-    shown = lfilter(
-        [1.0 - ramp, ramp - decay], [1.0, -decay], curve[1:], zi=[decay * before + (ramp - decay) * curve[0]]
-    )
-    return np.concatenate([[before], shown[0]])
+    # The recursion as a bidiagonal system: scipy.signal, which has it, takes a third of a second to load.
+    driven = np.append(before, (1.0 - ramp) * curve[1:] + (ramp - decay) * curve[:-1])
+    diagonals = np.stack([np.ones(curve.size), np.full(curve.size, -decay)])
+    return np.asarray(scipy.linalg.solve_banded((1, 0), diagonals, driven))
 
 
 force_gain = _sensed(lambda _log, curve, size: np.exp(size) * curve)
@@ -159,15 +158,16 @@ def smoothed(logs: Sequence[Prepared], curves: Sequence[Array]) -> str:
     Such a treatment leaves frequencies at which hardly any noise is left (zeros of a moving average, the stop band of a
     filter), while the spectrum of autocorrelated noise falls gradually.
     """
-    from scipy.signal import detrend  # which takes a third of a second to load
-
+    time = np.arange(LINES) - 0.5 * (LINES - 1)
     for log, curve in zip(logs, curves, strict=True):
         data = log.data
         used = (data.weight > 0.0) & np.isfinite(curve)
         if np.count_nonzero(used) < FEWEST:
             continue
         # Of the quietest stretches, straight but for noise, as those of a stick are: no misfit and no slip is in them.
-        stretches = detrend(np.lib.stride_tricks.sliding_window_view(data.force[used], LINES)[:: LINES // 4], axis=1)
+        stretches = np.lib.stride_tricks.sliding_window_view(data.force[used], LINES)[:: LINES // 4]
+        stretches = stretches - stretches.mean(axis=1, keepdims=True)
+        stretches -= np.outer(stretches @ time / (time @ time), time)
         size = np.sum(stretches**2, axis=1)
         quiet = stretches[size <= np.quantile(size, QUIET)] * np.hanning(LINES)
         power = np.mean(np.abs(np.fft.rfft(quiet, axis=1)) ** 2, axis=0)[3:-1]  # what a trend takes is no gap

@@ -214,7 +214,9 @@ def noise_agreement(time: Array, force: Array, other_time: Array, other_force: A
         noise = _noise_alone(np.interp(np.arange(begin, time[-1], step), time, force))
         power = np.maximum(running_means(noise**2, sought.size), 0.0)  # rounding leaves less than none of a silence
         size = np.sqrt(power * sought.size * float(sought @ sought))
-        correlation = np.abs(scipy.signal.correlate(noise, sought, "valid", "fft")) / np.maximum(size, 1e-12)
+        full = scipy.fft.next_fast_len(noise.size + sought.size, real=True)
+        product = np.fft.rfft(noise, full) * np.conj(np.fft.rfft(sought, full))
+        correlation = np.abs(np.fft.irfft(product, full)[: size.size]) / np.maximum(size, 1e-12)
         at = int(np.argmax(correlation))
         if correlation[at] > best:
             best, shift = float(correlation[at]), float(grid[0] - (begin + step * at))
