@@ -8,6 +8,7 @@ its index among the unknowns (KNOWN: a constant) and its value; slots are arrays
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from itertools import pairwise
@@ -28,7 +29,7 @@ from identify.shooting.blocks import (
     SteadyBlock,
     block,
 )
-from identify.shooting.shooting_trajectory import ShootingTrajectory, Stretch
+from identify.shooting.shooting_trajectory import ShootingTrajectory
 from identify.simulation.sliding import linearised
 
 Array = NDArray[np.float64]
@@ -182,10 +183,8 @@ CONSTANT = np.array([[float(KNOWN)], [0.0]])  # an event time or a load that is 
 
 
 def _joined(*slots: Array) -> Array:
-    """Slots one after the other, for as many blocks as the longest has (2, blocks, k)."""
-    blocks = max((part.shape[1] for part in slots if part.ndim == 3), default=1)
-    each = (part if part.ndim == 3 else part[:, None] for part in slots)
-    return np.concatenate([np.broadcast_to(part, (2, blocks, part.shape[-1])) for part in each], axis=2)
+    """Slots (2, n, k) of blocks one after the other; those of one unknown or constant per block are (2, n)."""
+    return np.concatenate([part if part.ndim == 3 else part[..., None] for part in slots], axis=2)
 
 
 class NlpBuilder:
@@ -240,18 +239,19 @@ class NlpBuilder:
         return out
 
     def put(
-        self, kind: BlockKind, at: tuple[int, int], slots: Array, constants: Array, edges: Array, own: Indices
+        self, kind: BlockKind, log: int, parts: Indices, slots: Array, constants: Array, edges: Array, own: Indices
     ) -> None:
-        """Blocks of one kind in a part of a log (`at`): their slots are the given ones and the parameters, of which
-        this log has some for itself."""
-        of, n = block(self.model, kind), slots.shape[1]
-        theta = np.stack([np.where(own >= 0, own, self.theta), self.unknowns.start])
-        index, value = _joined(slots, theta)
+        """Blocks of one kind in parts (n,) of a log: their slots (2, n, k) are the given ones and the parameters, of
+        which this log has some for itself: own (n, n_p)."""
+        if not parts.size:
+            return
+        of, n = block(self.model, kind), parts.size
+        index = np.concatenate([slots[0], np.where(own >= 0, own, self.theta)], axis=1).astype(np.int64)
+        value = np.concatenate([slots[1], np.broadcast_to(self.unknowns.start, own.shape)], axis=1)
         rows = self.rows + np.arange(n * of.n_rows).reshape(n, of.n_rows)
         self.rows += n * of.n_rows
-        log, part = np.full(n, at[0]), np.full(n, at[1])
-        placed = constants.reshape(n, -1), rows, log, part, edges.reshape(n, -1, 2)
-        self.parts.setdefault(kind, []).append(Family(of, index.astype(np.int64), value, *placed))
+        family = Family(of, index, value, constants, rows, np.full(n, log), parts, edges)
+        self.parts.setdefault(kind, []).append(family)
 
     def families(self) -> tuple[Family, ...]:
         """All blocks so far, one family per kind."""
@@ -263,11 +263,10 @@ class NlpBuilder:
 
 
 class _LogTranscriber:
-    """Walks along one log, phase by phase, and notes its blocks and where its events, loads and nodes stand among the
-    unknowns.
+    """The blocks of one log, all of a kind at once, and where its events, loads and nodes stand among the unknowns.
 
-    It stands at a node: with its state, the offset of its time, since when, the normal force, and whether the contact
-    slid worn before. Every block that is put ends in the next node.
+    Every phase (s of them, and one more where a rest lasts to the end of the window) begins in the state, at the offset
+    and under the load in which the one before it ends.
     """
 
     def __init__(
@@ -286,162 +285,238 @@ class _LogTranscriber:
         self.tick = 0.1 * float(np.sqrt(m / k))
         self.is_speed = np.arange(self.size.size) == SPEED
         self.clamped = np.arange(self.size.size) == (KNOWN if model.clamped is None else model.clamped)
-        self.lowest = np.array([s.lower or 0.0 for s in model.states])
-        self.offset, self.load, self.since, self.worn = CONSTANT, CONSTANT, log.begin, False
+        self.count = len(trajectory.modes)
+        rests = int(trajectory.rests_at_end and max([log.begin, *trajectory.until[-1:]]) < log.end)
+        modes = [mode[:2] for mode in trajectory.modes] + [("rest", "end")] * rests
+        self.kind, self.ended_by = np.array(modes, dtype="U11").reshape(-1, 2).T
+        self.steady = np.isin(self.kind, ("steady", "steady_worn"))
+        self.worn = np.isin(self.kind, ("worn", "steady_worn"))
+        self.until = np.append(trajectory.until, np.full(rests, log.end))
+        self.since = np.append(log.begin, self.until)[:-1]
+        self.part = np.append(trajectory.part, np.full(rests, trajectory.parts)).astype(np.int64)
 
-    def walk(self) -> Places:
+    def transcribe(self) -> Places:
         """Note everything of this log."""
-        trajectory, log, u, first = self.trajectory, self.log, self.c.unknowns, self.number == 0
-        shared = np.full(len(self.model.parameters), KNOWN)  # parameters of this log or its group; of the first, theta
+        own, start = self._own(), self._start()
+        loads, strengths = self._loads()
+        self.own = np.tile(own, (self.part.size, 1))
+        if strengths.size:
+            known = self.part < strengths.size
+            self.own[known, self.model.parameter_names.index("mu_s")] = strengths[self.part[known]]
+        ends = self._ends()
+        slip_loads = self._slip_loads()
+        nodes = self._nodes()
+        self.offset = np.concatenate([CONSTANT, ends], axis=1)[:, :-1]
+        # The states in which the phases begin; after steady sliding the mass is as fast as the drive.
+        last = nodes[:, self.trajectory.first[1:] - 1]
+        after = self.steady[: self.count]
+        last[1, after, SPEED] = self._speeds(self.until[: self.count][after], just_before=True)
+        self.begin = np.concatenate([start[:, None], last], axis=1)[:, : self.kind.size]
+        self.ends = ends
+        self._rests(nodes)
+        self._slides(nodes)
+        for i in np.flatnonzero(self.steady).tolist():
+            self._steady(i, nodes[:, self.trajectory.first[i] : self.trajectory.first[i + 1]])
+        indices = (each[0].astype(np.int64) for each in (start, ends[:, : self.count], nodes))
+        return Places(*indices, loads, own, slip_loads, strengths)
+
+    # What is unknown.
+
+    def _own(self) -> Indices:
+        """Parameters (n_p,) of this log or its group; of the first log they are theta."""
+        u, first, out = self.c.unknowns, self.number == 0, np.full(len(self.model.parameters), KNOWN)
         for i in np.flatnonzero(u.own).tolist():
-            key = (i, (log.groups[i] if log.groups else "") or f"log {self.number}")
+            key = (i, (self.log.groups[i] if self.log.groups else "") or f"log {self.number}")
             if key not in self.c.groups:
                 start, bounds = float(self.start_theta[i]), (u.lower[i], u.upper[i])
                 added = self.c.theta[[i]] if first else self.c.add(start, u.spread[i], bounds, u.own_prior(i, start))[0]
                 self.c.groups[key] = int(added[0])
-            shared[i] = KNOWN if first else self.c.groups[key]
-        self.own = shared  # where sticks have a strength of their own, with that of the stick
-        # The state the record starts from: elongation free, the other states with a weak prior.
-        value, kind = trajectory.start, trajectory.modes[0][0] if trajectory.modes else "rest"
+            out[i] = KNOWN if first else self.c.groups[key]
+        self.shared = np.where(out >= 0, out, self.c.theta)
+        return out
+
+    def _start(self) -> Array:
+        """The state the record starts from: elongation free, the other states with a weak prior."""
+        value, kind = self.trajectory.start, str(self.kind[0]) if self.kind.size else "rest"
         known = np.ones(value.size, bool)
         if kind not in ("steady", "steady_worn"):
             known[ELONGATION], known[SPEED] = False, kind == "rest"
-        self.node = begin = self.c.states(value, self.size, known)
+        begin = self.c.states(value, self.size, known)
         extra = ~self.is_speed & (np.arange(value.size) != ELONGATION) & ~(self.clamped & (kind == "worn"))
         if extra.any() and not known[ELONGATION]:
             bounded = np.array([s.lower is not None for s in self.model.states])[extra]
             weak = np.where(bounded, 0.5, value[extra]), np.where(bounded, BOUNDED_START_SD, self.size[extra])
             begin[:, extra] = self.c.add(value[extra], self.size[extra], prior=weak)
-        until, nodes = np.full(trajectory.until.shape, KNOWN), np.full(trajectory.nodes.shape, KNOWN)
-        loads = np.full(trajectory.loaded_at.size, KNOWN)
-        strengths, loads_in_slips = loads[: loads.size * (log.strength_sd > 0.0)].copy(), list[float]()
-        ends = [*trajectory.until.tolist(), log.end]
-        for i, (part, stretch) in enumerate(zip(trajectory.part, trajectory.stretches, strict=True)):
-            if i == 0 or part != trajectory.part[i - 1]:
-                # The normal force to within its error: if exact, event times would tell it to a millionth.
-                sd, self.load = log.normal_force_sd, CONSTANT
-                if sd > 0.0:
-                    self.load = self.c.add(trajectory.deviation[part], sd, prior=(0.0, sd))
-                loads[part] = int(self.load[0, 0])
-                if strengths.size:  # the static friction of this stick, and of the slip after it: about that of all
-                    at, sd, own = self.model.parameter_names.index("mu_s"), log.strength_sd, trajectory.strength
-                    about, mean = int(np.where(shared >= 0, shared, self.c.theta)[at]), self.start_theta[at]
-                    prior = (mean if about < 0 else 0.0, sd)
-                    added = self.c.add(own[part] if own.size else mean, sd, prior=prior, about=about)
-                    self.own = shared.copy()
-                    self.own[at] = strengths[part] = added[0, 0]
-            end = CONSTANT
-            if stretch.ended_by != "time" and not stretch.steady:
-                left, right = stretch.until - self.since, ends[i + 1] - stretch.until
-                end = self.c.add(0.0, self.tick, (-0.45 * left, 0.45 * right))
-                until[i] = end[0, 0]
-            if stretch.steady:
-                states = self._steady(part, stretch)
-            elif stretch.kind == "rest":
-                states = self._rest(part, stretch, end)
-            else:
-                if jitter := log.jitter_sd > 0.0 and i in trajectory.own_slips:
-                    error, value = log.normal_force_sd, trajectory.sliding_deviation[part]
-                    # A tremor goes through half a period while a slip lasts: the deviation at its end is another one.
-                    self.load = np.concatenate([self.load, self.c.add(value, error, prior=(0.0, error))], axis=1)
-                    loads_in_slips.append(self.load[0, 1])
-                states = self._slide(part, stretch, end, jitter=jitter)
-            nodes[trajectory.first[i] : trajectory.first[i + 1]] = states[0]
-            self.since, self.offset = stretch.until, end
-        if trajectory.rests_at_end and self.since < log.end:
-            self.load = CONSTANT
-            self._rest(trajectory.parts, None, CONSTANT)
-        in_slips = np.array(loads_in_slips, dtype=np.int64)
-        return Places(begin[0].astype(np.int64), until, nodes, loads, shared, in_slips, strengths)
+        return begin
 
-    def _constants(self, rows: Array, start: float, end: float, slope_at: float) -> Array:
-        force_start, force_end = self.log.normal_force.at([start, end])
-        slope = self.log.normal_force.line(slope_at)[1]
-        drive = self.log.speed_at(0.5 * (start + end))
-        ends = [drive, force_start, force_end, slope, start, end - start, 0.0, 1.0]
-        return np.concatenate([self.log.base, rows, ends])
+    def _loads(self) -> tuple[Indices, Indices]:
+        """Deviations of the normal force and strengths of the sticks, by parts (p,), where they are unknown.
 
-    def _put(self, kind: BlockKind, part: int, slots: Array, constants: Array, edges: Array) -> None:
-        self.c.put(kind, (self.number, part), slots, constants, edges, self.own)
+        The normal force to within its error: if exact, event times would tell it to a millionth. The static friction of
+        a stick, and of the slip after it, is about that of all.
+        """
+        log, trajectory, count = self.log, self.trajectory, self.trajectory.loaded_at.size
+        self.load, sd = np.repeat(CONSTANT[:, None], self.part.size, axis=1), log.normal_force_sd  # (2, s, 1)
+        loads, strengths = np.full(count, KNOWN), np.empty(0, dtype=np.int64)
+        if sd > 0.0:
+            added = self.c.add(trajectory.deviation, sd, prior=(0.0, sd))
+            loads, known = added[0].astype(np.int64), self.part < count
+            self.load[:, known, 0] = added[:, self.part[known]]
+        if log.strength_sd > 0.0:
+            at, values = self.model.parameter_names.index("mu_s"), trajectory.strength
+            about, mean = int(self.shared[at]), self.start_theta[at]
+            prior = (mean if about < 0 else 0.0, log.strength_sd)
+            start = values if values.size else np.full(count, mean)
+            strengths = self.c.add(start, log.strength_sd, prior=prior, about=about)[0].astype(np.int64)
+        return loads, strengths
 
-    def _rest(self, part: int, stretch: Stretch | None, end: Array) -> Array:
-        """A rest that ends in a node, at an event or at a given time, or (None) with the window: slots of the node."""
-        until = self.log.end if stretch is None else stretch.until
-        constants = self._constants(self.rest_rows, self.since, until, until)
-        if self.worn:
-            self._age(part, constants)
-        begin, straight = self.node, self.model.straight
-        parts = [(0.0, 1.0)] if straight else parts_of_rest(self.model, self.p, until - self.since)
-        for fractions in parts:
-            kind, between = RestBlock(), [begin]
-            if stretch is not None and fractions is parts[-1]:
-                kind = RestBlock("time" if stretch.ended_by == "time" else "onset")
-                self.node = self.c.states(np.where(self.is_speed, 0.0, stretch.nodes[-1]), self.size, self.is_speed)
-                between = [begin, self.node]
-            own = np.concatenate([constants[:-2], fractions])
-            edges = self.since + (until - self.since) * np.linspace(*fractions, (1 if straight else REST_CELLS) + 1)
-            slots = _joined(*between, self.offset, end, self.load)
-            self._put(kind, part, slots, own, np.stack([edges[:-1], edges[1:]], axis=1))
-        return self.node
+    def _slip_loads(self) -> Indices:
+        """Deviations of the normal force at the ends of the slips from rest (q,), which then hold for what follows in
+        that part: a tremor goes through half a period while a slip lasts."""
+        slips, error = self.trajectory.own_slips, self.log.normal_force_sd
+        self.jitter = np.zeros(self.part.size, dtype=bool)
+        if not (self.log.jitter_sd > 0.0 and slips):
+            return np.empty(0, dtype=np.int64)
+        values = self.trajectory.sliding_deviation[self.trajectory.slip_parts]
+        added = self.c.add(values, error, prior=(0.0, error))
+        self.jitter[slips], self.load = True, np.repeat(self.load, 2, axis=2)
+        for i, slot in zip(slips, added.T, strict=True):
+            later = (self.part == self.part[i]) & (np.arange(self.part.size) > i)
+            self.load[:, i, 1], self.load[:, later] = slot, slot[:, None, None]
+        return added[0].astype(np.int64)
 
-    def _age(self, part: int, rest: Array) -> None:
-        """A node where the contact has aged before the mass rests. rest: the constants of the rest that follows."""
-        slots = np.concatenate([self.node[1], np.zeros(self.size.size + 3), self.start_theta])
-        defect = block(self.model, AgeingBlock()).evaluate(slots[None], rest[None], derivatives=False)[0][0]
-        value, others = np.where(self.is_speed, 0.0, self.node[1]), ~self.is_speed
-        value[others] = np.where(np.isfinite(defect), -defect * self.rest_rows[others], value[others])
-        node = self.c.states(value, self.size, self.is_speed)
-        joined = _joined(self.node, node, self.offset, self.offset, self.load)
-        self._put(AgeingBlock(), part, joined, rest, np.full((1, 2), self.since))
-        self.node, self.worn = node, False
+    def _ends(self) -> Array:
+        """Offsets (2, s) of the ends of the phases from the reference; those that are given are constants."""
+        ends, last = np.repeat(CONSTANT, self.part.size, axis=1), np.append(self.until, self.log.end)[1:]
+        free = np.flatnonzero(~np.isin(self.ended_by, ("time", "end")) & ~self.steady)
+        left, right = (self.until - self.since)[free], (last - self.until)[free]
+        ends[:, free] = self.c.add(np.zeros(free.size), self.tick, (-0.45 * left, 0.45 * right))
+        return ends
 
-    def _slide(self, part: int, stretch: Stretch, end: Array, *, jitter: bool) -> Array:
-        """A part of a slide in one mode: slots (2, n, n_x) of its nodes; jitter: the load changes on the way."""
-        worn, released = stretch.kind == "worn", stretch.ended_by == "release"
-        intervals, steps = len(stretch.nodes), self.grid.steps
-        known = np.tile(self.clamped & worn, (intervals, 1))
-        known[-1] = (self.clamped & (worn or stretch.ended_by == "wear")) | (
-            self.is_speed & (stretch.ended_by == "arrest")
-        )
-        nodes = self.c.states(np.where(known, self.lowest, stretch.nodes), self.size, known)
-        before = np.concatenate([self.node[:, None], nodes[:, :-1]], axis=1)
-        slots = _joined(before, nodes, self.offset, end, self.load)
-        rows = self.size.copy()
-        if released:  # a typical rate of the bounded state
-            rates = self._rates(stretch.nodes[-1], stretch.until)[self.clamped]
-            rows[self.clamped] = np.max(np.abs(rates) * self.size)
+    def _nodes(self) -> Array:
+        """Slots (2, N, n_x) of the nodes. Known are the speed at rest, at an arrest and in steady sliding, and a state
+        at its bound."""
+        trajectory, known = self.trajectory, np.zeros(self.trajectory.nodes.shape, dtype=bool)
+        of = np.repeat(np.arange(self.count), np.diff(trajectory.first))
+        last = np.isin(np.arange(of.size), trajectory.first[1:] - 1)
+        kind, ended_by, steady = self.kind[of], self.ended_by[of], self.steady[of]
+        known[:, SPEED] = steady | (kind == "rest") | (last & (ended_by == "arrest"))
+        known[:, self.clamped] = (self.worn[of] | (last & (ended_by == "wear")))[:, None]
+        lowest = np.array([s.lower or 0.0 for s in self.model.states])
+        return self.c.states(np.where(known & ~steady[:, None], lowest, trajectory.nodes), self.size, known)
+
+    # The blocks.
+
+    def _speeds(self, times: Array, just_before: bool = False) -> Array:
+        """Drive speeds (n,) at times (n,)."""
+        times = np.nextafter(times, -np.inf) if just_before else times
+        return np.array([self.log.speed_at(t) for t in times.tolist()])
+
+    def _constants(self, rows: Array, since: Array, until: Array, slope_at: Array) -> Array:
+        """Constants (n, n_constants) of phases between times (n,) with row scales (n_x,) or (n, n_x)."""
+        out, load = np.zeros((since.size, self.log.base.size + self.size.size + 8)), self.log.normal_force
+        out[:, : self.log.base.size], out[:, self.log.base.size : -8] = self.log.base, rows
+        slopes = np.array([load.line(t)[1] for t in slope_at.tolist()])
+        columns = self._speeds(0.5 * (since + until)), load.at(since), load.at(until), slopes, since, until - since
+        out[:, -8:-2], out[:, -1] = np.stack(columns, axis=1), 1.0
+        return out
+
+    def _put(self, kind: BlockKind, of: Indices, slots: Sequence[Array], constants: Array, edges: Array) -> None:
+        """Blocks (n,) of phases `of` (n,)."""
+        self.c.put(kind, self.number, self.part[of], _joined(*slots), constants, edges, self.own[of])
+
+    def _rests(self, nodes: Array) -> None:
+        """Rests that end in a node, at an event or at a given time, or with the window."""
+        rests, straight = np.flatnonzero(self.kind == "rest"), self.model.straight
+        since, until = self.since[rests], self.until[rests]
+        constants = self._constants(self.rest_rows, since, until, until)
+        aged = (rests > 0) & self.worn[rests - 1]
+        if aged.any():
+            self._age(rests[aged], constants[aged])
+        spans = (until - since).tolist()
+        parts = [[(0.0, 1.0)] if straight else parts_of_rest(self.model, self.p, span) for span in spans]
+        which = np.repeat(np.arange(rests.size), [len(p) for p in parts])
+        final, of, own = np.diff(which, append=rests.size) > 0, rests[which], constants[which]
+        own[:, -2:] = np.array([ends for p in parts for ends in p]).reshape(-1, 2)
+        cells = 1 if straight else REST_CELLS
+        shares = own[:, -2:-1] + (own[:, -1:] - own[:, -2:-1]) * np.arange(cells + 1) / cells
+        edges = since[which, None] + (until - since)[which, None] * shares
+        edges = np.stack([edges[:, :-1], edges[:, 1:]], axis=2)
+        ending = np.where(final, self.ended_by[of], "end")
+        for kind, mine in (
+            (RestBlock(), ending == "end"),
+            (RestBlock("time"), ending == "time"),
+            (RestBlock("onset"), ~np.isin(ending, ("end", "time"))),
+        ):
+            i = of[mine]
+            ends = [] if kind.ended_by is None else [nodes[:, self.trajectory.first[i]]]
+            slots = self.begin[:, i], *ends, self.offset[:, i], self.ends[:, i], self.load[:, i, 0]
+            self._put(kind, i, slots, own[mine], edges[mine])
+
+    def _age(self, rests: Indices, constants: Array) -> None:
+        """Nodes where the contact has aged before the mass rests. constants: of the rests that follow."""
+        begin, others = self.begin[:, rests], ~self.is_speed
+        known = np.concatenate([np.zeros(self.size.size + 3), self.start_theta])
+        slots = np.concatenate([begin[1], np.tile(known, (rests.size, 1))], axis=1)
+        defect = block(self.model, AgeingBlock()).evaluate(slots, constants, derivatives=False)[0]
+        value = np.where(self.is_speed, 0.0, begin[1])
+        aged = -defect * self.rest_rows[others]
+        value[:, others] = np.where(np.isfinite(aged), aged, value[:, others])
+        node = self.c.states(value, self.size, np.broadcast_to(self.is_speed, value.shape))
+        at = self.offset[:, rests]
+        edges = np.repeat(self.since[rests, None, None], 2, axis=2)
+        self._put(AgeingBlock(), rests, (begin, node, at, at, self.load[:, rests, 0]), constants, edges)
+        self.begin[:, rests] = node
+
+    def _slides(self, nodes: Array) -> None:
+        """Shooting intervals of all slides, those in which a contact is released at the end apart."""
+        slides, steps = np.flatnonzero(~self.steady & (self.kind != "rest")), self.grid.steps
+        first, count = self.trajectory.first[slides], np.diff(self.trajectory.first)[slides]
+        of, n = np.repeat(slides, count), np.repeat(count, count)
+        j = np.arange(of.size) - np.repeat(np.cumsum(count) - count, count)
+        node = np.repeat(first, count) + j
+        before = np.where((j == 0)[:, None], self.begin[:, of], nodes[:, node - 1])
+        since, span = self.since[of], (self.until - self.since)[of]
+        fractions = np.stack([j / n, (j + 1) / n], axis=1)
+        constants = self._constants(self.size, self.since[slides], self.until[slides], self.since[slides])
+        constants = np.repeat(constants, count, axis=0)
         # The normal force is a straight line over each interval: the tremor of a finger goes through half a period
         # while a slip lasts. Written as lines from the start of the slide; level where events coincide.
-        fractions = np.linspace(0.0, 1.0, intervals + 1)
-        since = (stretch.until - self.since) * fractions
-        forces, width = self.log.normal_force.at(self.since + since), np.diff(since)
-        slope = np.divide(np.diff(forces), width, out=np.zeros(intervals), where=width > 0.0)
-        constants = np.tile(self._constants(rows, self.since, stretch.until, self.since), (intervals, 1))
-        constants[:, -7], constants[:, -5] = forces[:-1] - slope * since[:-1], slope
-        constants[:, -2], constants[:, -1] = fractions[:-1], fractions[1:]
-        cells = self.since + (stretch.until - self.since) * np.linspace(0.0, 1.0, intervals * steps + 1)
-        edges = np.stack([cells[:-1], cells[1:]], axis=1).reshape(intervals, steps, 2)
-        last = intervals - 1 if released else intervals  # the guard is in the last interval
-        plain, guarded = SlideBlock(steps, worn, jitter=jitter), SlideBlock(steps, worn, released=True)
-        for kind, some in ((plain, slice(0, last)), (guarded, slice(last, None))):
-            if len(edges[some]):
-                self._put(kind, part, slots[:, some], constants[some], edges[some])
-        self.node, self.load, self.worn = nodes[:, -1], self.load[:, -1:], worn
-        return nodes
+        times = span[:, None] * fractions
+        forces, width = self.log.normal_force.at(since[:, None] + times), np.diff(times)[:, 0]
+        slope = np.divide(np.diff(forces)[:, 0], width, out=np.zeros(of.size), where=width > 0.0)
+        constants[:, -7], constants[:, -5] = forces[:, 0] - slope * times[:, 0], slope
+        constants[:, -2:] = fractions
+        released = (self.ended_by[of] == "release") & (j == n - 1)
+        for i in np.flatnonzero(released).tolist():  # a typical rate of the bounded state
+            rates = self._rates(self.trajectory.nodes[node[i]], self.until[of[i]])[self.clamped]
+            constants[i, self.log.base.size : -8][self.clamped] = np.max(np.abs(rates) * self.size)
+        cells = (j[:, None] * steps + np.arange(steps + 1)) / (n * steps)[:, None]
+        cells = since[:, None] + span[:, None] * cells
+        edges = np.stack([cells[:, :-1], cells[:, 1:]], axis=2)
+        slots = before, nodes[:, node], self.offset[:, of], self.ends[:, of]
+        worn, jitter = self.worn[of], self.jitter[of]
+        for kind, mine in (
+            (SlideBlock(steps), ~worn & ~jitter),
+            (SlideBlock(steps, jitter=True), jitter),
+            (SlideBlock(steps, worn=True), worn & ~released),
+            (SlideBlock(steps, worn=True, released=True), released),
+        ):
+            load = self.load[:, of[mine], : 2 if kind.jitter else 1]
+            own = *(slot[:, mine] for slot in slots), load
+            self._put(kind, of[mine], own, constants[mine], edges[mine])
 
-    def _steady(self, part: int, stretch: Stretch) -> Array:
-        """Pieces of steady sliding, each with the states at its ends; what came before has faded. Slots (2, n, n_x)."""
-        worn, pieces = stretch.kind == "steady_worn", stretch.nodes.reshape(-1, 2, self.size.size)
-        edges = np.linspace(self.since, stretch.until, len(pieces) + 1)
-        rows = np.maximum(np.max(np.abs(self._rates(pieces[0, 0], self.since)) * self.size, axis=1), 1e-300)
+    def _steady(self, i: int, nodes: Array) -> None:
+        """Pieces of steady sliding, each with the states at its ends (2, 2 n, n_x); what came before has faded."""
+        pieces = nodes.reshape(2, -1, 2, self.size.size)
+        edges = np.linspace(self.since[i], self.until[i], pieces.shape[1] + 1)
+        rates = self._rates(pieces[1, 0, 0], self.since[i])
+        rows = np.maximum(np.max(np.abs(rates) * self.size, axis=1), 1e-300)
         rows[ELONGATION] = 1.0
-        nodes = self.c.states(pieces, self.size, np.broadcast_to(self.is_speed | (self.clamped & worn), pieces.shape))
-        for i, span in enumerate(pairwise(edges.tolist())):
-            slots = _joined(nodes[:, i, 0], nodes[:, i, 1], CONSTANT, CONSTANT, self.load)
-            self._put(SteadyBlock(worn), part, slots, self._constants(rows, *span, span[1]), np.array([span]))
-        self.node, self.worn = nodes[:, -1, 1].copy(), worn
-        self.node[1, SPEED] = self.log.speed_at(0.5 * (edges[-2] + edges[-1]))
-        return nodes.reshape(2, -1, self.size.size)
+        spans, of = np.stack([edges[:-1], edges[1:]], axis=1), np.full(pieces.shape[1], i)
+        constants, zero = self._constants(rows, *spans.T, spans[:, 1]), np.repeat(CONSTANT, of.size, axis=1)
+        slots = pieces[:, :, 0], pieces[:, :, 1], zero, zero, self.load[:, of, 0]
+        self._put(SteadyBlock(bool(self.worn[i])), of, slots, constants, spans[:, None])
 
     def _rates(self, state: Array, at: float) -> Array:
         """Derivatives of the rates of all states with respect to the states (n_x, n_x) [1/s per unit]."""
@@ -470,7 +545,7 @@ def transcribe(logs: list[LogData], trajectories: list[ShootingTrajectory], unkn
     """Lay out the multiple-shooting problem of several logs around their trajectories."""
     builder = NlpBuilder(unknowns.model, unknowns, np.flatnonzero(unknowns.free))
     places = tuple(
-        _LogTranscriber(builder, number, log, trajectory, grid).walk()
+        _LogTranscriber(builder, number, log, trajectory, grid).transcribe()
         for number, (log, trajectory) in enumerate(zip(logs, trajectories, strict=True))
     )
     columns = builder.columns()
