@@ -96,13 +96,14 @@ class Mapped:
 
     total = 0.0  # seconds that all of them took in this process so far
 
-    def __init__(self, function: ca.Function, many: int = MANY, instructions: int = 0) -> None:
-        """many: rows per call where there are so many; what is left of them is called for in smaller chunks.
-        instructions: of one row, of a function that calls others."""
+    def __init__(self, function: ca.Function, many: int = MANY, within: int = 0) -> None:
+        """many: rows per call where there are so many; what is left of them is called for in smaller chunks. within:
+        instructions of functions that this one calls."""
         self.function, self._many = function, many
-        self.instructions = instructions or function.n_instructions()
+        self.instructions = max(function.n_instructions(), within)  # of one row
         self._few = min(max(WORK // max(self.instructions, 1), 1), many)
         self.spent, self.cost = 0.0, native.PER_INSTRUCTION * self.instructions  # seconds, so far and of compiling it
+        self._sizes = [function.numel_out(i) for i in range(function.n_out())]
         self.settled, self._next_look = False, 0.0  # no better code will come; seconds spent before it is looked for
         self._local = threading.local()
         self._code = function  # what is called
@@ -126,7 +127,7 @@ class Mapped:
         known: dict[int, _Buffers] = self._local.__dict__.setdefault("buffers", {})
         code, count, many, few = self._code, arguments[0].shape[0], self._many, self._few
         arguments = [argument.reshape(count, -1) for argument in arguments]
-        results = [np.empty((count, self.function.numel_out(i))) for i in range(self.function.n_out())]
+        results = [np.empty((count, size)) for size in self._sizes]
         whole = count - count % many
         for chunk, part in ((many, slice(0, whole)), (few, slice(whole, count))):
             size, buffers = part.stop - part.start, known.get(chunk)

@@ -24,25 +24,13 @@ from identify.prediction.orbit import (
     DOUBLINGS,
     Cycle,
     bounds_at_rest,
-    load_slopes,
     rested,
     run_cycle,
     slide_limits,
 )
 from identify.simulation.phases import FIRST, FLOOR, ROUNDING
 from identify.simulation.sliding import growth_rates
-from identify.simulation.stepper import (
-    DIPS,
-    MODES,
-    N_GUARDS,
-    SHORTEST,
-    BurstState,
-    Stop,
-    burst,
-    event_functions,
-    paced,
-    rate,
-)
+from identify.simulation.stepper import DIPS, MODES, N_GUARDS, SHORTEST, BurstState, Stop, burst, event_functions, rate
 from identify.simulation.steppers import HIGH
 
 Array = NDArray[np.float64]
@@ -50,7 +38,7 @@ Bools = NDArray[np.bool_]
 Rows = NDArray[np.intp]
 
 ACCURACY = 1e-6  # relative tolerance of a step: a hundredth of it, and less, is left in durations and drops
-BURSTS = 8  # of trials in one slip before a row is integrated alone
+BURSTS = 12  # of trials in one slip before a row is integrated alone
 RENEWED = 0.01  # of the saturation: of a contact that is almost renewed
 ALMOST = 1.0 - 1e-6  # of the elongation at which a contact breaks loose
 NEWTON_STEPS = 60  # towards the end of a stick
@@ -66,21 +54,10 @@ STEP = 1e-3  # of the jump, both in typical ones: differences of the return map
 DENSE = 0.3  # natural times sqrt(m/k): longest step where extremes are sought between its ends
 
 
-@lru_cache(maxsize=32)
-def _bursts(model: Model, keep: bool) -> Mapped:
-    """Many trials in one call, with `keep` every node of them, else the last alone: see `burst`."""
-    steps = burst(model, HIGH)
-    given = [ca.MX.sym(steps.name_in(i), steps.sparsity_in(i)) for i in range(steps.n_in())]
-    nodes = steps(*given)
-    function = ca.Function("nodes" if keep else "last", given, [nodes if keep else nodes[:, -1]])
-    return Mapped(function, instructions=HIGH.trials * paced(model, HIGH, MODES[0], False).n_instructions())
-
-
 @lru_cache(maxsize=16)
 def _events(model: Model) -> list[Mapped]:
-    """Event functions by sliding mode."""
-    modes = MODES[: len(sliding_modes(model.clamped is not None))]
-    return [Mapped(event_functions(model, mode)) for mode in modes]
+    """Event functions by mode."""
+    return [Mapped(event_functions(model, mode)) for mode in MODES[: len(sliding_modes(model.clamped is not None))]]
 
 
 @lru_cache(maxsize=16)
@@ -102,7 +79,7 @@ def _shown(model: Model) -> list[Mapped]:
     for mode in MODES[: len(sliding_modes(model.clamped is not None))]:
         x, c = ca.SX.sym("x", len(model.states)), ca.SX.sym("c", len(model.parameters) + 5)
         moving = rate(model, mode)(x, c, 0)
-        load = model.sliding_cell(x, c[:-5], ca.vertcat(c[-5], c[-3], c[-4], 0))
+        load = model.load_cell(x, c[:-5], ca.vertcat(c[-5], c[-3], c[-4], 0))
         row = ca.vertcat(load, ca.jtimes(load, x, moving), moving[SPEED])
         out.append(Mapped(ca.Function("shown", [x, c], [ca.densify(row)])))
     return out
@@ -269,7 +246,7 @@ class CycleBatch:
     def _slip(self, x: Array, force: Array, keep: bool) -> tuple[Array, Array, Bools, Bools, tuple[Node, ...]]:
         """Slips from states x (n, n_x) under forces [N]: their ends, durations, which rest, which go alone, nodes."""
         n, n_x = x.shape
-        at, steps, events, clamped = BurstState(n_x), _bursts(self.model, keep), _events(self.model), self.model.clamped
+        at, events, clamped = BurstState(n_x), _events(self.model), self.model.clamped
         lowest = 0.0 if clamped is None else self.model.states[clamped].lower or 0.0
         exits = [dict(mode.exits) for mode in sliding_modes(clamped is not None).values()]
         leaves = np.array([[guard in mode for guard in GUARDS] for mode in exits])
@@ -297,8 +274,9 @@ class CycleBatch:
                 if mine.size:
                     z[mine, at.ends] = function([z[mine, :n_x], constants[mine], np.zeros(mine.size)])[0]
 
-        def node() -> None:
-            nodes.append(Node(z[:, :n_x].copy(), before + z[:, at.t], modes.copy(), constants[:, -4].copy()))
+        def note() -> None:
+            if keep:
+                nodes.append(Node(z[:, :n_x].copy(), before + z[:, at.t], modes.copy(), constants[:, -4].copy()))
 
         active = np.arange(n)
         z[:, :n_x], constants[:, -4] = x, np.where(force < 0.0, -1.0, 1.0)
@@ -307,16 +285,13 @@ class CycleBatch:
         if held.size:
             z[held, ELONGATION] += constants[held, -4] * FREED * self.scale[held, ELONGATION]
             begin(held, FIRST * self.time[held])
-        node()
+        note()
         for _ in range(BURSTS):
-            taken = steps([z[active], bounds[active], constants[active], tolerances[active]])[0]
-            for after in np.moveaxis(taken.reshape(active.size, -1, at.size), 1, 0):
-                z[active] = after
-                if keep:
-                    node()
+            taken = burst(self.model, HIGH)([each[active] for each in (z, bounds, constants, tolerances)])[0]
+            for trial in np.split(taken, HIGH.trials, axis=1)[0 if keep else -1 :]:
+                z[active] = trial
+                note()
             why = z[active, at.stop]
-            if not np.any(why):
-                continue
             alone[active[np.isin(why, UNDECIDED)]] = True
             located, active = active[why == LOCATED], active[why == NOT_YET]
             ends = z[located, at.ends]
@@ -429,8 +404,8 @@ def _figures(model: Model, settings: Array, cycles: CycleRows) -> Array:
     n, speed = len(settings), settings[:, -1]
     constants = np.concatenate([settings[:, :-2], np.zeros((n, 5))], axis=1)
     constants[:, -5], constants[:, -4], constants[:, -3] = speed, 1.0, settings[:, -2]
-    onset, arrest = (load_slopes(model)([x, settings])[0][:, 0] for x in (cycles.onset, cycles.end))
-    highest, lowest, fastest = onset.copy(), arrest.copy(), np.full(n, -np.inf)
+    onset, arrest = (_shown(model)[0]([x, constants])[0][:, 0] for x in (cycles.onset, cycles.end))
+    highest, lowest, fastest = np.full(n, -np.inf), np.full(n, np.inf), np.full(n, -np.inf)
     for a, b in pairwise(cycles.nodes):
         for mode, shown in enumerate(_shown(model)):
             rows = np.flatnonzero((b.t > a.t) & (b.mode == mode))

@@ -135,16 +135,16 @@ def solve(
     """
     layout = problem.layout
     first = problem.start if start is None else start
-    if np.any(layout.lower > layout.upper) or not np.isfinite(problem.evaluate(first, derivatives=False).cost):
+    if np.any(layout.lower > layout.upper) or not np.isfinite(problem.evaluate(first, derivatives=True).cost):
         return Solution(problem.start, layout.start, OUT_OF_ORDER, False, 0, np.inf, np.inf, np.zeros(layout.rows))
 
-    # The problem remembers the last point, so that what IPOPT asks one by one is computed once.
+    # The problem remembers the last point, so that what IPOPT asks one by one is computed once: after a value it nearly
+    # always asks for the derivatives there.
     def at(z: Array) -> Point:
         return problem.evaluate(z, derivatives=True)
 
     def values(z: Array, _p: Array) -> Sequence[ArrayLike]:
-        point = problem.evaluate(z, derivatives=False)
-        return point.cost, point.rows
+        return at(z).cost, at(z).rows
 
     def hessian(z: Array, _p: Array, on_cost: Array, on_rows: Array) -> Sequence[ArrayLike]:
         return ((problem.exact_hessian(z, float(on_cost[0]), on_rows) if exact else on_cost[0] * at(z).hessian).data,)
@@ -269,15 +269,14 @@ def solve_in_passes(
         region = unknowns if weight == 0.0 else unknowns.within_region(weight)
         problem = shooting_problem(logs, trajectories, region, grid, pattern=pattern)
         seconds += time.perf_counter() - since
+        begun = problem.evaluate(problem.start, derivatives=True).cost
         solution, spent, exact = _solve(problem, coarse=grid is COARSE_GRID, exact=exact)
         iterations += spent
         theta, moved = problem.layout.at(solution.x)
         shift = _shift_in_samples(problem, solution, logs, trajectories)
         passed = Solved(problem, solution, theta, moved, shift, iterations, number, seconds)
-        begun, misfit = (  # squares in noise variances per sample
-            2.0 * cost / max(problem.samples, 1)
-            for cost in (problem.evaluate(problem.start, derivatives=False).cost, solution.cost)
-        )
+        # Squares in noise variances per sample.
+        begun, misfit = (2.0 * each / max(problem.samples, 1) for each in (begun, solution.cost))
         # A pass that ends with ten times the misfit it began with, or the noise, has lost its way.
         if not (solution.success and misfit < 10.0 * max(begun, 1.0)):
             failed, failures = failed or passed, failures + 1

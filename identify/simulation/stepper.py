@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.compiled import Compiled, compiled
+from identify.base.compiled import Compiled, Mapped, compiled
 from identify.model.model import SPEED, Model
 from identify.model.modes import GUARDS, ModeName, sliding_modes
 from identify.simulation.steppers import Method, StepProblem
@@ -202,8 +202,8 @@ class BurstState:
 
 
 @lru_cache(maxsize=64)
-def burst(model: Model, method: Method) -> ca.Function:
-    """`method.trials` trials in a row: (z, bounds, constants, tolerances) -> z after each of them, column by column.
+def burst(model: Model, method: Method) -> Mapped:
+    """`method.trials` trials in a row: (z, bounds, constants, tolerances) -> z after each of them, one after the other.
 
     z as in `BurstState`; bounds: time limit, longest and shortest step [s], whether switches are located, farthest way
     of a step [m]. A trial that is refused repeats the node with another length.
@@ -217,7 +217,7 @@ def burst(model: Model, method: Method) -> ca.Function:
     for _ in range(method.trials):
         last = nodes[-1]
         nodes.append(by_kind(last[at.which], last, *given[1:]))  # a stopped burst repeats its last node
-    return ca.Function("burst", given, [ca.horzcat(*nodes[1:])])
+    return Mapped(ca.Function("burst", given, [ca.vertcat(*nodes[1:])]), within=sum(f.n_instructions() for f in each))
 
 
 def paced(model: Model, method: Method, mode: ModeName, locating: bool) -> ca.Function:
@@ -368,8 +368,7 @@ class Stepper:
             ):
                 calls[mode] = compiled(function)
                 calls[mode].bind(given)
-        self._burst = compiled(burst(model, method))
-        self._burst.bind([self._z, self._bounds, self._constants, self._tolerances])
+        self._burst = burst(model, method)
 
     def tune(self, p: Array, tolerances: Array, bounds: tuple[float, float, float, bool]) -> None:
         """Set parameters p (n_p,), tolerances of a step (rtol, then atol (n_x,)), and its bounds: longest and shortest
@@ -402,7 +401,8 @@ class Stepper:
     def go_on(self) -> list[list[float]]:
         """Several trials from where the last call stopped: rows of state, time, stop and h as in `BurstState`; those
         after a stop repeat it."""
-        rows = self._burst().reshape(self.method.trials, -1)
+        given = (self._z, self._bounds, self._constants, self._tolerances)
+        rows = self._burst([each[None] for each in given])[0].reshape(self.method.trials, -1)
         self._z[:] = rows[-1]
         return rows[:, : self.places.h + 1].tolist()
 
