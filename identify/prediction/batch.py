@@ -1,13 +1,12 @@
 """Many cycles at once: stick and slip of rows of settings, by the steps that one cycle alone is integrated with.
 
 A row is a setting w (n_w,) = parameters, normal force [N], drive speed [m/s], with a rest state y (n_y,). Every row has
-a step length of its own; rows whose end has to be decided apart are integrated alone (`run_cycle`).
+a step length of its own.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import pairwise
 
@@ -16,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.compiled import Mapped
-from identify.base.errors import SimulationError
 from identify.model.model import ELONGATION, SPEED, Model
 from identify.model.modes import GUARDS, sliding_modes
 from identify.prediction.orbit import (
@@ -25,7 +23,6 @@ from identify.prediction.orbit import (
     Cycle,
     bounds_at_rest,
     rested,
-    run_cycle,
     slide_limits,
 )
 from identify.simulation.phases import FIRST, FLOOR, ROUNDING
@@ -38,7 +35,7 @@ Bools = NDArray[np.bool_]
 Rows = NDArray[np.intp]
 
 ACCURACY = 1e-6  # relative tolerance of a step: a hundredth of it, and less, is left in durations and drops
-BURSTS = 12  # of trials in one slip before a row is integrated alone
+BURSTS = 200  # of trials in one slip at most; it takes two as a rule
 RENEWED = 0.01  # of the saturation: of a contact that is almost renewed
 ALMOST = 1.0 - 1e-6  # of the elongation at which a contact breaks loose
 NEWTON_STEPS = 60  # towards the end of a stick
@@ -46,7 +43,6 @@ FREED = 1e-13  # of normal force / stiffness: frees a mass that only the roundin
 SCAN = np.geomspace(1e-6, 1.0, 33)  # of a stick: where the margin is looked at if it need not be concave
 PLAIN = (3, 1, 2, 4, 8, 16)  # cycles before each search for the orbit by Newton's method
 DRIFTING = 10  # cycles at the end of these: a motion that still drifts one way lingers, as just beyond an end
-NOT_YET, LOCATED, UNDECIDED = int(Stop.NOT_YET), int(Stop.LOCATED), (int(Stop.EVENT), int(Stop.STUCK))
 CLOSED = 1e-6  # of the closure of a cycle, in units of normal force / stiffness
 RESOLVED = 1e-2  # share of the jump to which a cycle has to close: jumps that fade away look closed before they are
 FARTHEST = 0.3  # of one step towards closure, in the same units
@@ -100,7 +96,7 @@ class Node:
 class CycleRows:
     """One stick and slip per row, SI: states (n, n_x) at rest before it, at the onset of slip and after it; durations
     (n,); whether the mass came to rest (n,), and which rows could not be integrated (n,); nodes of the slips where they
-    were kept; cycles of rows that were integrated alone."""
+    were kept."""
 
     start: Array
     onset: Array
@@ -110,7 +106,6 @@ class CycleRows:
     rests: Bools
     refused: Bools
     nodes: tuple[Node, ...] = ()
-    alone: Mapping[int, Cycle] = field(default_factory=dict)
 
     @property
     def y(self) -> Array:
@@ -160,9 +155,9 @@ class CycleBatch:
     @cached_property
     def scale(self) -> Array:
         """Typical rest states (n, n_y)."""
-        sizes = np.ones((len(self.settings), len(self.model.states) - 1))
-        sizes[:, ELONGATION] = self.settings[:, -2] / self._column("stiffness")
-        return sizes
+        load, one = self.settings[:, -2], np.ones(len(self.settings))
+        sizes = {"m": load / self._column("stiffness"), "N": load}
+        return np.stack([sizes.get(s.unit, one) for i, s in enumerate(self.model.states) if i != SPEED], axis=1)
 
     @cached_property
     def growth(self) -> Array:
@@ -197,23 +192,11 @@ class CycleBatch:
 
     def run(self, y: Array, *, nodes: bool = False) -> CycleRows:
         """The cycles that start at rest in y (n, n_y); with `nodes` short steps are taken, and kept."""
-        n = len(self.settings)
         start = np.insert(np.clip(y, *bounds_at_rest(self.model)), SPEED, 0.0, axis=1)
         stick, onset, force = self._stick(start)
-        end, slip, rests, alone, kept = self._slip(onset, force, nodes)
-        refused, cycles = np.zeros(n, dtype=bool), dict[int, Cycle]()
+        end, slip, rests, refused, kept = self._slip(onset, force, nodes)
         rests &= slip >= CREEP * np.pi * self.time
-        for i in np.flatnonzero(alone).tolist():
-            try:
-                cycle = run_cycle(self.model, y[i], self.settings[i], float(self.limit[i]))
-            except SimulationError:
-                refused[i], rests[i] = True, False
-                continue
-            rests[i] = cycle is not None
-            if cycle is not None:
-                stick[i], slip[i], onset[i], end[i] = cycle.stick, cycle.slip, cycle.onset, cycle.end
-                cycles[i] = cycle
-        return CycleRows(start, onset, end, stick, slip, rests, refused, kept, cycles)
+        return CycleRows(start, onset, end, stick, slip, rests, refused, kept)
 
     def _stick(self, start: Array) -> tuple[Array, Array, Array]:
         """Durations (n,) of rests from states (n, n_x), the states at their ends, the force of the drive there [N]."""
@@ -244,7 +227,7 @@ class CycleBatch:
         return t, row[:, 3:], row[:, 2]
 
     def _slip(self, x: Array, force: Array, keep: bool) -> tuple[Array, Array, Bools, Bools, tuple[Node, ...]]:
-        """Slips from states x (n, n_x) under forces [N]: their ends, durations, which rest, which go alone, nodes."""
+        """Slips from states x (n, n_x) under forces [N]: their ends, durations, which rest, which are refused, nodes."""
         n, n_x = x.shape
         at, events, clamped = BurstState(n_x), _events(self.model), self.model.clamped
         lowest = 0.0 if clamped is None else self.model.states[clamped].lower or 0.0
@@ -259,7 +242,7 @@ class CycleBatch:
         situated = np.stack([self.settings[:, -1], ones, self.settings[:, -2], 0 * ones, 0 * ones], axis=1)
         constants = np.concatenate([self.settings[:, :-2], situated], axis=1)
         z, before, modes = np.zeros((n, at.size)), np.zeros(n), np.zeros(n, dtype=int)
-        rests, alone, nodes = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool), list[Node]()
+        rests, refused, nodes = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool), list[Node]()
 
         def begin(rows: Rows, h: Array) -> None:
             """Let rows slide on from where they are in their modes, with first steps h (k,) [s]."""
@@ -292,8 +275,9 @@ class CycleBatch:
                 z[active] = trial
                 note()
             why = z[active, at.stop]
-            alone[active[np.isin(why, UNDECIDED)]] = True
-            located, active = active[why == LOCATED], active[why == NOT_YET]
+            refused[active[why == Stop.STUCK]] = True
+            # What is met at the very beginning of a step is met there.
+            located, active = active[np.isin(why, (Stop.LOCATED, Stop.EVENT))], active[why == Stop.NOT_YET]
             ends = z[located, at.ends]
             with np.errstate(all="ignore"):
                 away = np.abs(ends[:, :N_GUARDS] / ends[:, N_GUARDS:])
@@ -315,8 +299,8 @@ class CycleBatch:
             active = np.append(active, other)
             if not active.size:
                 break
-        alone[active] = True
-        return z[:, :n_x], before + z[:, at.t], rests, alone, tuple(nodes)
+        refused[active] = True
+        return z[:, :n_x], before + z[:, at.t], rests, refused, tuple(nodes)
 
     def settle(self, y: Array) -> Motions:
         """What the motions from rest states y (n, n_y) settle on: plain cycles, and Newton's method now and then.
@@ -376,11 +360,7 @@ class CycleBatch:
 
     def figures(self, y: Array) -> Array:
         """QUANTITIES (n, 9) of the cycles from y (n, n_y), NaN where the mass does not rest."""
-        cycles = self.run(y, nodes=True)
-        out = _figures(self.model, self.settings, cycles)
-        for i, cycle in cycles.alone.items():
-            out[i] = cycle_figures(self.model, cycle)
-        return out
+        return _figures(self.model, self.settings, self.run(y, nodes=True))
 
 
 # What is reported of cycles: extremes lie between nodes, on cubics through both ends of a step.

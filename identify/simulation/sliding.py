@@ -111,12 +111,11 @@ def slidings(model: Model, settings: Array) -> list[Sliding]:
     """
     p, u = _split(settings)
     x, worn, values = _slidings(model, p, u)
-    out = []
+    forces, out = np.array(model.sliding_cell(x.T, p.T, u.T)).ravel().tolist(), []
     for i in range(len(p)):
         known = values[i][np.isfinite(values[i])]
         order = np.lexsort((-known.imag, -known.real))
-        force = float(model.sliding_cell(x[i], p[i], u[i]))
-        out.append(Sliding(float(u[i, 0]), x[i], force, bool(worn[i]), known[order]))
+        out.append(Sliding(float(u[i, 0]), x[i], forces[i], bool(worn[i]), known[order]))
     return out
 
 
