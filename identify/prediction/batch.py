@@ -227,7 +227,7 @@ class CycleBatch:
         return t, row[:, 3:], row[:, 2]
 
     def _slip(self, x: Array, force: Array, keep: bool) -> tuple[Array, Array, Bools, Bools, tuple[Node, ...]]:
-        """Slips from states x (n, n_x) under forces [N]: their ends, durations, which rest, which are refused, nodes."""
+        """Slips from states x (n, n_x) under forces [N]: their ends, durations, which rest, refused ones, nodes."""
         n, n_x = x.shape
         at, events, clamped = BurstState(n_x), _events(self.model), self.model.clamped
         lowest = 0.0 if clamped is None else self.model.states[clamped].lower or 0.0
