@@ -22,6 +22,7 @@ from identify.prediction.orbit import (
     DOUBLINGS,
     Cycle,
     bounds_at_rest,
+    load_slopes,
     rested,
     slide_limits,
 )
@@ -75,7 +76,7 @@ def _shown(model: Model) -> list[Mapped]:
     for mode in MODES[: len(sliding_modes(model.clamped is not None))]:
         x, c = ca.SX.sym("x", len(model.states)), ca.SX.sym("c", len(model.parameters) + 5)
         moving = rate(model, mode)(x, c, 0)
-        load = model.load_cell(x, c[:-5], ca.vertcat(c[-5], c[-3], c[-4], 0))
+        load = model.sliding_cell(x, c[:-5], ca.vertcat(c[-5], c[-3], c[-4], 0))
         row = ca.vertcat(load, ca.jtimes(load, x, moving), moving[SPEED])
         out.append(Mapped(ca.Function("shown", [x, c], [ca.densify(row)])))
     return out
@@ -384,8 +385,8 @@ def _figures(model: Model, settings: Array, cycles: CycleRows) -> Array:
     n, speed = len(settings), settings[:, -1]
     constants = np.concatenate([settings[:, :-2], np.zeros((n, 5))], axis=1)
     constants[:, -5], constants[:, -4], constants[:, -3] = speed, 1.0, settings[:, -2]
-    onset, arrest = (_shown(model)[0]([x, constants])[0][:, 0] for x in (cycles.onset, cycles.end))
-    highest, lowest, fastest = np.full(n, -np.inf), np.full(n, np.inf), np.full(n, -np.inf)
+    onset, arrest = (load_slopes(model)([x, settings])[0][:, 0] for x in (cycles.onset, cycles.end))
+    highest, lowest, fastest = onset.copy(), arrest.copy(), np.full(n, -np.inf)
     for a, b in pairwise(cycles.nodes):
         for mode, shown in enumerate(_shown(model)):
             rows = np.flatnonzero((b.t > a.t) & (b.mode == mode))
