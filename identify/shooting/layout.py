@@ -301,8 +301,8 @@ class _LogTranscriber:
         loads, strengths = self._loads()
         self.own = np.tile(own, (self.part.size, 1))
         if strengths.size:
-            known = self.part < strengths.size
-            self.own[known, self.model.parameter_names.index("mu_s")] = strengths[self.part[known]]
+            of_stick = strengths[np.minimum(self.part, strengths.size - 1)]  # a last rest is not overcome
+            self.own[:, self.model.parameter_names.index("mu_s")] = of_stick
         ends = self._ends()
         slip_loads = self._slip_loads()
         nodes = self._nodes()
