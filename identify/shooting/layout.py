@@ -317,8 +317,8 @@ class _LogTranscriber:
         self._slides(nodes)
         for i in np.flatnonzero(self.steady).tolist():
             self._steady(i, nodes[:, self.trajectory.first[i] : self.trajectory.first[i + 1]])
-        indices = (each[0].astype(np.int64) for each in (start, ends[:, : self.count], nodes))
-        return Places(*indices, loads, own, slip_loads, strengths)
+        first, until, states = (each[0].astype(np.int64) for each in (start, ends[:, : self.count], nodes))
+        return Places(first, until, states, loads, own, slip_loads, strengths)
 
     # What is unknown.
 
@@ -514,7 +514,10 @@ class _LogTranscriber:
         rows = np.maximum(np.max(np.abs(rates) * self.size, axis=1), 1e-300)
         rows[ELONGATION] = 1.0
         spans, of = np.stack([edges[:-1], edges[1:]], axis=1), np.full(pieces.shape[1], i)
-        constants, zero = self._constants(rows, *spans.T, spans[:, 1]), np.repeat(CONSTANT, of.size, axis=1)
+        constants, zero = (
+            self._constants(rows, spans[:, 0], spans[:, 1], spans[:, 1]),
+            np.repeat(CONSTANT, of.size, axis=1),
+        )
         slots = pieces[:, :, 0], pieces[:, :, 1], zero, zero, self.load[:, of, 0]
         self._put(SteadyBlock(bool(self.worn[i])), of, slots, constants, spans[:, None])
 
