@@ -22,7 +22,7 @@ from identify.base.quantiles import LEVEL, chi_square_exceeded
 from identify.estimation.attempt import Attempt
 from identify.estimation.covariance import Information, sizes
 from identify.estimation.profile import MOVED, converged
-from identify.estimation.residual_autocorrelation import WHITE, ArModel, autocorrelated_covariance, autoregression
+from identify.estimation.residual_autocorrelation import WHITE, ArModel, autocorrelated_covariance, noise_model
 from identify.logs.unknowns import Unknowns
 from identify.logs.vibration import rhythmic
 from identify.prediction.wording import shown
@@ -140,10 +140,10 @@ def allowed(attempt: Attempt, known: Information, speed_error: float, values: Ar
 
 
 def noise_of(attempt: Attempt) -> list[ArModel]:
-    """The autoregression of the residuals of each log of an attempt."""
+    """The model of the residuals of each log of an attempt."""
     logs, fitted = [log.data for log in attempt.fitted_logs], attempt.solved.fitted
     return [
-        autoregression(np.where(log.weight > 0, log.force - curve, np.nan))
+        noise_model(np.where(log.weight > 0, log.force - curve, np.nan))
         for log, curve in zip(logs, fitted, strict=True)
     ]
 

@@ -6,7 +6,7 @@ tell less than their number says.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,10 +33,11 @@ CHANCE = 1e-3  # that the mean cycle of noise is so large
 @dataclass(frozen=True)
 class ArModel:
     """The noise of one log: autoregression (p,) of its residuals, empty for white noise; share of its variance that is
-    new in each sample."""
+    new in each sample; how many numbers were estimated for it, where these are not its coefficients."""
 
     regression: Array
     innovation: float
+    estimated: int | None = None
 
     @property
     def white(self) -> bool:
@@ -47,6 +48,12 @@ class ArModel:
     def inflation(self) -> float:
         """Of the variance of whatever changes slowly: samples that count as one; 1 for white noise."""
         return float(self.innovation / (1.0 - self.regression.sum()) ** 2)
+
+    def criterion(self, count: int) -> float:
+        """Of count samples by how much it describes them better than white noise does, as Schwarz counts: the lower,
+        the better."""
+        numbers = self.regression.size if self.estimated is None else self.estimated
+        return float(np.log(self.innovation)) + numbers * PENALTY * float(np.log(count)) / count
 
     def spectrum(self, n: int) -> Array:
         """Variance per frequency of a real transform of n samples (n // 2 + 1,), of mean 1 over all frequencies."""
@@ -66,16 +73,33 @@ def autoregression(residual: Array) -> ArModel:
         return WHITE
     products = np.array([filled[lag:] @ filled[: filled.size - lag] for lag in range(most + 1)])
     correlation = products / max(products[0], 1e-300)  # over the full count, so that it belongs to a process
-    best, lowest = WHITE, 0.0
+    best = WHITE
     for order in range(1, most + 1 if correlation[0] > 0.0 else 1):
         regression = solve_toeplitz(correlation[:order], correlation[1 : order + 1])
         innovation = float(1.0 - regression @ correlation[1 : order + 1])
         if not innovation > 0.0:
             break
-        criterion = float(np.log(innovation)) + order * PENALTY * np.log(count) / count
-        if criterion < lowest:
-            best, lowest = ArModel(regression, innovation), criterion
+        best = min(best, ArModel(regression, innovation), key=lambda model: model.criterion(count))
     return best
+
+
+_describe: list[Callable[[Array], ArModel]] = [autoregression]
+
+
+def register(describe: Callable[[Array], ArModel]) -> None:
+    """Add a model of noise that is defined outside the package, for this process.
+
+    Args:
+        describe: the model of residuals (n,) [N], NaN where there is none. Whatever is stationary is an autoregression,
+            if a long one: what makes it a model of its own is that it has fewer numbers to estimate. WHITE: not this.
+    """
+    _describe.append(describe)
+
+
+def noise_model(residual: Array) -> ArModel:
+    """The noise of one log by its residuals (n,), NaN where there is none: of all models the one that pays."""
+    count = max(int(np.count_nonzero(np.isfinite(residual))), 1)
+    return min((describe(residual) for describe in _describe), key=lambda model: model.criterion(count))
 
 
 def autocorrelated_covariance(moves: Sequence[Array], variances: Array, noise: Sequence[ArModel]) -> Array:
@@ -108,7 +132,7 @@ def autocorrelated_covariance(moves: Sequence[Array], variances: Array, noise: S
 def innovations(data: LogData, trajectory: ShootingTrajectory, residual: Array) -> Array | None:
     """The innovations (n,) of the residuals of a log (NaN: none), in standard deviations of those in its sticks; None
     where the residuals are white, or the sticks too short."""
-    model = autoregression(residual)
+    model = noise_model(residual)
     in_sticks = _whitened(np.where(np.isfinite(residual) & ~slides(data, trajectory), data.force, np.nan), model)
     edges = np.flatnonzero(np.diff(np.isfinite(in_sticks).astype(np.int8), prepend=0, append=0)).tolist()
     stamps = data.time if uneven(data.time) else None

@@ -1,4 +1,5 @@
-"""A friction law, a parameter searched by its logarithm and an estimator, all defined outside the package."""
+"""A friction law, a parameter searched by its logarithm, a model of noise and an estimator, all defined outside the
+package."""
 
 from __future__ import annotations
 
@@ -76,6 +77,42 @@ def test_a_law_that_comes_too_late_is_refused() -> None:
         "class Late(type(effects.ALL[0])):\n    name = 'late'\n"
         "try:\n    effects.register(Late())\nexcept Exception as error:\n    print(error)\n"
     )
+
+
+AVERAGED = """
+import numpy as np
+from identify.estimation import residual_autocorrelation as noise
+
+def moving_average(residual):
+    # white noise and a share of the sample before: one number, by the correlation of neighbours
+    r = np.nanmean(residual[1:] * residual[:-1]) / np.nanmean(residual**2)
+    if not 0.05 < r < 0.5:
+        return noise.WHITE
+    share = (1.0 - np.sqrt(1.0 - 4.0 * r**2)) / (2.0 * r)
+    return noise.ArModel(-((-share) ** np.arange(1, 25)), 1.0 / (1.0 + share**2), estimated=1)
+
+from data_io import Record
+from identify.estimation.influence import noise_of
+from tests.support.two_logs import drawn, scene, searched
+
+random, logs = np.random.default_rng(3), []
+for record in drawn(((1e-3, 4.0, 1000.0), (5e-3, 1.5, 2000.0)), noise=0.0):
+    new = 2e-2 * random.standard_normal(record.time.size + 1)
+    logs.append(Record(record.time, record.normal_force, record.friction_force + new[1:] + 0.8 * new[:-1]))
+attempt, _ = searched(scene(), logs)
+before = noise_of(attempt)
+noise.register(moving_average)
+for models in (before, noise_of(attempt), [noise.noise_model(random.standard_normal(5000))]):
+    print(max(m.estimated or 0 for m in models), *(m.inflation for m in models))
+"""
+
+
+def test_a_model_of_noise_is_taken_where_it_pays() -> None:
+    """Of e + 0.8 e' the sum over all lags of the correlation is 1.8^2 / 1.64."""
+    before, after, white = (list(map(float, line.split())) for line in _run(AVERAGED).splitlines())
+    assert before[0] == 0.0 and after[0] == 1.0, "one number describes it as well as several"
+    assert after[1:] == pytest.approx([1.8**2 / 1.64] * 2, rel=0.05)
+    assert white == [0.0, 1.0]
 
 
 class OnsetLevels:
