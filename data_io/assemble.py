@@ -17,7 +17,7 @@ from data_io.columns import ALIASES, EXAMPLES, KIND, find_column, shown, words
 from data_io.contents import Contents, Part, check_request, chosen, of_run, unit_of
 from data_io.record import WINDOW_START, Record, rises
 from data_io.source import Request, Source, sha256_unchanged
-from data_io.units import SI_UNIT, column_factor, factor, is_mass, kind_of, rescaled
+from data_io.units import SI_UNIT, column_factor, factor, is_mass, kind_of, lever_of, rescaled
 from data_io.values import COLUMN_ROLES, LARGEST_FORCE, Finding, FloatArray, Scalar, UnitError, free_name
 
 _ALWAYS: Final = float("inf")
@@ -32,6 +32,9 @@ _STILL: Final = 1.5
 """Standard deviations of its white noise up to which a column stands still; from twice as many on it moves."""
 _ENOUGH: Final = 1 << 12  # of its values that show how a column looks
 _FAR: Final = 5.0  # by how much more the other column moves than the one that was taken
+
+_LEVERS: Final = {"N*m": ("a torque", "its arm", "25 mm", "arm"), "Pa": ("a stress", "its area", "2 cm^2", "area")}
+"""Of what is no force but makes one: what it is, what it needs, an example, and the option."""
 
 Span = tuple[float, float]
 
@@ -270,12 +273,12 @@ def _check_roles(source: Source, request: Request, part: Part, label: str) -> No
             continue
         name = header.names[header.roles[role]]
         try:
-            column_factor(unit, SI_UNIT[KIND[role]], name.unit)
+            _factor(request, unit, role, name.unit)
         except UnitError as error:
             scale = f'the scale of its sensor, as in --units {role}="2.5 N/V"'
             option = scale if unit in _VOLTS else f"--units {role}=..."
-            text = f"column {shown([name.raw])} ({words(role)}): {error}; or give it with {option}"
-            raise source.error(text) from error
+            text = f"column {shown([name.raw])} ({words(role)}): {error}"
+            raise source.error(text if lever_of(unit) else f"{text}; or give it with {option}") from error
     missing = [role for role in needed if role not in header.roles]
     bare = [role for role in needed if role not in missing and not _unit(request, part, role)]
     if missing:
@@ -317,8 +320,23 @@ def _role(source: Source, request: Request, part: Part, role: str) -> FloatArray
             f"column {shown([name.raw])} ({words(role)}) holds no numbers; a column of numbers was expected; "
             f"name another one with --columns {role}=<name>"
         )
-    scale = column_factor(_unit(request, part, role), SI_UNIT[KIND[role]], name.unit)
+    scale = _factor(request, _unit(request, part, role), role, name.unit)
     return rescaled(part.columns[index], scale)
+
+
+def _factor(request: Request, unit: str, role: str, file_unit: str | None) -> float:
+    """Return the number that turns a role into SI; a torque acts at an arm, a stress on an area. Raises `UnitError`."""
+    lever = lever_of(unit) if KIND[role] == "force" else None
+    if lever is None:
+        return column_factor(unit, SI_UNIT[KIND[role]], file_unit)
+    what, given, length, name = _LEVERS[lever]
+    size = getattr(request, name)
+    if size is None:
+        raise UnitError(
+            f'{unit!r} is {what} where a force was expected; give {given} with --{name} "{length}", or as {name} in a '
+            "scene"
+        )
+    return factor(unit, lever) / size if lever == "N*m" else factor(unit, lever) * size
 
 
 def _filled(part: Part, index: int) -> int | None:
@@ -353,6 +371,11 @@ def _choices(request: Request, part: Part) -> list[Finding]:
     if masses:
         text = f"forces in {' and '.join(masses)} were taken as weights, {masses[0]} as {masses[0]}-force"
         notes.append(Finding("unit_by_context", "info", text))
+    for role in forces:
+        if (unit := _unit(request, part, role)) and (lever := lever_of(unit)):
+            name = shown([part.header.names[part.header.roles[role]].raw])
+            how = f"over the arm of {request.arm:g} m" if lever == "N*m" else f"times the area of {request.area:g} m^2"
+            notes.append(Finding("force_from_torque", "info", f"the {words(role)} is {name} {how} that was given"))
     if request.normal_force is not None:
         index = part.header.roles.get("normal_force", -1)
         aside = "" if index < 0 else f"; the file's column {part.header.names[index].name!r} was set aside"

@@ -27,8 +27,28 @@ def with_derived_columns(request: Request, contents: Contents) -> Contents:
         for make, code in ((_friction, "friction_from_coefficient"), (_time, "time_from_distance")):
             part, text = make(request, part)
             findings += [Finding(code, "warning", text)] if text else []
-        parts.append(part)
+        parts.append(_of_torque(part))
     return replace(contents, parts=parts, findings=list(dict.fromkeys(findings)))
+
+
+_TORQUES: Final = {
+    "friction_force": (
+        "torque", "frictiontorque", "torquefriction", "tob", "bittorque", "torqueonbit", "drehmoment", "reibmoment",
+        "couple", "shearstress", "tau", "shear", "schubspannung",
+    ),
+    "normal_force": ("wob", "weightonbit", "bitweight", "normalstress", "sigman", "sigma", "normalspannung"),
+}  # fmt: skip
+"""Names of columns that make a force with an arm or an area, as keys."""
+
+
+def _of_torque(part: Part) -> Part:
+    """Return the part with a column of torque or stress, or of weight on a bit, for a force that it lacks."""
+    roles, names = dict(part.header.roles), part.header.names
+    for role, keys in _TORQUES.items():
+        index = next((i for i, name in enumerate(names) if name.key in keys and i in part.columns), None)
+        if role not in roles and index is not None:
+            roles[role] = index
+    return replace(part, header=replace(part.header, roles=roles))
 
 
 def _friction(request: Request, part: Part) -> tuple[Part, str]:

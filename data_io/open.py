@@ -86,6 +86,8 @@ def read_log(
     window: tuple[float, float] | None = None,
     exclude: Sequence[tuple[float, float]] = (),
     rate: float | str | None = None,
+    arm: float | str | None = None,
+    area: float | str | None = None,
 ) -> Record:
     """Read a log as one record in SI.
 
@@ -94,7 +96,8 @@ def read_log(
     the file. columns: column (or HDF5 dataset) by role, e.g. {"time": "T"}; `drive_speed` and `position` are roles too.
     normal_force: a constant load [N] or "3 N", instead of a column. channels: names of the other columns to keep; None
     keeps all. rate: the sampling rate [Hz] or "4 Hz" of a log whose rows follow each other evenly: it makes the clock,
-    whatever the file has for one. window: the (start, stop) [s] to keep, counted from the first row of what is read
+    whatever the file has for one. arm [m] or "25 mm": at which a column of torque acts; area [m^2] or "2 cm^2": on
+    which a column of stress does. window: the (start, stop) [s] to keep, counted from the first row of what is read
     (the step, or the run) as in a scene, whatever the clock of the file shows there.
     exclude: stretches [s] that nobody uses, counted likewise: what holds no force there is left out, the rest stays.
     progress: called with the share read so far. Raises `LogError`, one sentence that says what was
@@ -119,6 +122,8 @@ def read_log(
         columns=dict(columns or {}),
         normal_force=_above_zero(path, normal_force, "N", "normal force"),
         rate=_above_zero(path, rate, "Hz", "sampling rate"),
+        arm=_above_zero(path, arm, "m", "arm"),
+        area=_above_zero(path, area, "m^2", "area"),
         channels=None if channels is None else tuple(channels),
         progress=progress,
         window=window,

@@ -157,7 +157,8 @@ def no_progress(_share: float) -> None:
 class Request:
     """What the user said about a log: run and step, column names, units, a constant normal force [N], which channels.
 
-    rate: sampling rate [Hz] that makes the clock, whatever the file has for one. channels: names of the columns to
+    arm [m]: at which a torque acts; area [m^2]: on which a stress does. rate: sampling rate [Hz] that makes the clock,
+    whatever the file has for one. channels: names of the columns to
     keep beside those with a role; None keeps all. window: (start, stop) [s] from the first row on; None reads all of
     it. exclude: stretches that nobody uses, counted likewise. progress: called with the share of the file read so far,
     0 to 1.
@@ -173,6 +174,8 @@ class Request:
     window: tuple[float, float] | None = None
     exclude: tuple[tuple[float, float], ...] = ()
     rate: float | None = None
+    arm: float | None = None
+    area: float | None = None
 
 
 def load(path: Path) -> Source:

@@ -108,6 +108,8 @@ def factor(unit: str, si_unit: str) -> float:
     own, size = _OF_USUAL.get(unit, (None, 0.0))
     if own == si_unit:
         return size
+    if si_unit == "N*m":
+        unit = re.sub(r"([mcuk]?N)([mc]?m)", r"\1*\2", unit)  # mNm
     if (own, si_unit) == ("kg", "N"):
         return size * STANDARD_GRAVITY
     measure = wanted = None
@@ -149,6 +151,12 @@ def column_factor(unit: str, si_unit: str, file_unit: str | None = None) -> floa
             f'"2.5 {si_unit}/{below or "V"}"'
         )
     return float(match[1]) * float(whole.to(si_unit or "dimensionless").magnitude)
+
+
+def lever_of(unit: str) -> str | None:
+    """Return the unit [SI] of a torque ("N*m") or a stress ("Pa") that a unit is one of; None for any other."""
+    measure = None if unit in _OF_USUAL else _parsed(re.sub(r"([mcuk]?N)([mc]?m)", r"\1*\2", unit))  # mNm
+    return next((si for si in ("N*m", "Pa") if measure is not None and measure.is_compatible_with(si)), None)
 
 
 def is_mass(unit: str) -> bool:

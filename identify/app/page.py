@@ -24,6 +24,7 @@ from identify.app.scenes import Scenes, edited, with_log
 from identify.app.simulations import answer_at, axes_of, site_at, start_from_data, tried
 from identify.base.errors import SceneError
 from identify.logs.prepare import Segmented, segmented
+from identify.logs.scene_records import reading_options
 from identify.report.stored_result import read_result
 from identify.report.stored_result import scene_of as scene_of_result
 from identify.scene import Scene
@@ -186,8 +187,7 @@ class Page:
             sentence = f"{entry.path.name} of the scene lies outside the folder; copy it into the folder"
             raise PageError(sentence) from None
         load = entry.normal_force if entry.normal_force is not None else scene.rig.normal_force
-        options = {"step": entry.step, "run": entry.run, "rate": entry.rate, "normal_force": load,
-                   "columns": dict(entry.columns or {}) or None, "units": dict(entry.units or {}) or None}  # fmt: skip
+        options = {**reading_options(scene, entry), "normal_force": load}
         return name, {key: value for key, value in options.items() if value is not None}, entry
 
     def _segmented(self, scene: Scene, number: int) -> Segmented:

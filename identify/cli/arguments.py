@@ -51,7 +51,7 @@ def positive(text: str | None, unit: str, option: str) -> float | None:
 
 def log_options(arguments: Namespace) -> dict[str, Any]:
     """Those options of a log that are given, as `data_io.read_log` takes them."""
-    options = {name: getattr(arguments, name) for name in ("step", "run", "normal_force", "rate")}
+    options = {name: getattr(arguments, name) for name in ("step", "run", "normal_force", "rate", "arm", "area")}
     options["columns"] = pairs(arguments.columns, "--columns", "time=T,friction_force=Fx")
     options["units"] = pairs(arguments.units, "--units", "friction_force=N,time=s")
     return {name: value for name, value in options.items() if value not in (None, {})}

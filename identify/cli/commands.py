@@ -24,6 +24,8 @@ READING: Options = {
         "--units NAME=UNIT,…": "such as friction_force=N,time=s",
         "--normal-force FORCE": 'constant, where the log has none: "3 N"',
         "--rate HZ": 'sampling rate, where the log has no clock: "4 Hz"',
+        "--arm LENGTH": 'at which a measured torque acts: "25 mm"',
+        "--area AREA": 'on which a measured stress acts: "2 cm^2"',
     }
 }
 PART: Options = {

@@ -80,7 +80,7 @@ def fit_logs(arguments: Namespace, terminal: Terminal) -> Answer:
 def _scene_of(arguments: Namespace) -> Scene:
     """The scene with the logs and the reading options of the command line; every log is there."""
     options = log_options(arguments)
-    for name, unit in (("normal_force", "N"), ("rate", "Hz")):
+    for name, unit in (("normal_force", "N"), ("rate", "Hz"), ("arm", "m"), ("area", "m^2")):
         if name in options:
             options[name] = quantity(options[name], unit, f"--{name.replace('_', '-')}")
     limit = positive(arguments.time_limit, "s", "--time-limit")

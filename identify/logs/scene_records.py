@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, pairwise
+from typing import Any
 
 import numpy as np
 import scipy
@@ -107,25 +108,20 @@ def with_drives(scene: Scene, records: Sequence[Record] | None = None) -> tuple[
 def read_entry(scene: Scene, index: int) -> Record:
     """Read one log; the normal force of [rig] only where the log has none of its own."""
     entry = scene.logs[index]
-
-    def read(load: float | None) -> Record:
-        return read_log(
-            entry.path,
-            step=entry.step,
-            units=dict(entry.units) if entry.units else None,
-            columns=dict(entry.columns) if entry.columns else None,
-            normal_force=load,
-            run=entry.run,
-            rate=entry.rate,
-            exclude=unused(entry),
-        )
-
+    options = reading_options(scene, entry)
     try:
-        return read(entry.normal_force)
+        return read_log(entry.path, normal_force=entry.normal_force, exclude=unused(entry), **options)
     except LogError:
         if entry.normal_force is not None or scene.rig.normal_force is None:
             raise
-        return read(scene.rig.normal_force)
+        return read_log(entry.path, normal_force=scene.rig.normal_force, exclude=unused(entry), **options)
+
+
+def reading_options(scene: Scene, entry: LogEntry) -> dict[str, Any]:
+    """How a log of a scene is read, as `data_io.read_log` takes it; but for its load, and what it does not use."""
+    options = {name: getattr(entry, name) for name in ("step", "run", "rate")}
+    options |= {name: dict(getattr(entry, name) or {}) or None for name in ("columns", "units")}
+    return options | {"arm": entry.arm or scene.rig.arm, "area": entry.area or scene.contact.area}
 
 
 def unused(entry: LogEntry) -> tuple[Span, ...]:

@@ -105,7 +105,7 @@ def _rig(value: object, effects: Effects) -> tuple[Rig, float | None]:
         raise SceneError(
             f"[rig] has no damping although the effect {damped_by} is on; give one of {', '.join(DAMPING)}"
         )
-    values: Tables = dict.fromkeys((*RIG_TOLERANCES, *DAMPING, "normal_force", "noise"))
+    values: Tables = dict.fromkeys((*RIG_TOLERANCES, *DAMPING, "normal_force", "noise", "arm"))
     tolerances: dict[str, float] = {}
     ratios = {} if TIED not in table.data else {"natural_frequency": table.get(TIED)}
     for key in [name for name in values if name in table.data]:

@@ -194,6 +194,7 @@ RIG: Mapping[str, Key] = {
     "normal_force": Key("N", sign=POSITIVE, usual=(1e-4, 1e4, "mN")),
     "noise": Key("N", sign=POSITIVE),
     "force_sensor": Key(read=one_of(FORCE_SENSORS)),
+    "arm": Key("m", sign=POSITIVE, usual=(1e-4, 10.0, "mm")),
 }
 CONTACT: Mapping[str, Key] = {"area": Key("m^2", sign=POSITIVE), "area_law": Key()}
 AREA_LAW: Mapping[str, Key] = {"coefficient": Key("m^2", sign=POSITIVE), "exponent": Key()}

@@ -37,7 +37,8 @@ class Rig:
 
     `drive_speed` [m/s] is constant, or a programme of (start [s], speed [m/s]), piecewise constant;
     `normal_force` [N] only where a log has none; `noise` [N] is the standard deviation of the force; `force_sensor`:
-    where that is measured, between "drive" and mass or under the "counterface".
+    where that is measured, between "drive" and mass or under the "counterface"; `arm` [m] at which a measured torque
+    acts.
     `tolerances`: relative standard deviation by name (mass, stiffness, damping, drive_speed);
     what is absent is taken as exact. `ratio_tolerances`: the same of what ties them, where it is known: "zeta" of h/k,
     "natural_frequency" of sqrt(k/m).
@@ -53,11 +54,12 @@ class Rig:
     normal_force: float | None = None
     noise: float | None = None
     force_sensor: ForceSensorPlace = "drive"
+    arm: float | None = None
     tolerances: Mapping[str, float] = field(default_factory=dict)
     ratio_tolerances: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for name in ("mass", "stiffness", "damping", "normal_force", "noise", "drive_speed"):
+        for name in ("mass", "stiffness", "damping", "normal_force", "noise", "arm", "drive_speed"):
             check(name, RIG[name], getattr(self, name))
         for name, tolerance in self.tolerances.items():
             if name not in RIG_TOLERANCES:
@@ -190,7 +192,7 @@ class LogEntry:
     to subtract, or the (start, stop) [s] over which the unloaded force is averaged, normal_tare the same
     of the normal force; crosstalk the share of the normal force that the friction sensor shows, tilt [rad] the angle
     of the surface; flip_sign forces the sign of the friction force (None: from the data); labels are free words;
-    rate [Hz] makes the clock of a log that has none.
+    rate [Hz] makes the clock of a log that has none; arm [m] and area [m^2] make forces of its torques and stresses.
     """
 
     path: Annotated[Path, Key(read=tables.text)]
@@ -214,6 +216,8 @@ class LogEntry:
     flip_sign: Annotated[bool | None, Key(read=tables.of_kind(bool, "true or false"))] = None
     labels: Annotated[Mapping[str, str], Key(read=tables.words)] = field(default_factory=dict)
     rate: Annotated[float | None, Key("Hz", sign=POSITIVE)] = None
+    arm: Annotated[float | None, RIG["arm"]] = None
+    area: Annotated[float | None, CONTACT["area"]] = None
 
     def __post_init__(self) -> None:
         where = f"of log {self.path.name}"

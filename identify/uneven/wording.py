@@ -96,7 +96,9 @@ def why_left_out(log: Prepared, usable: int, fewest_samples: int, fewest: int) -
     if log.left_out is not None:
         return log.left_out
     if log.rig.plate is not None:
-        return f"{log.name}: cycles that differ are followed at a load cell at the drive only, not under the counterface"
+        return (
+            f"{log.name}: cycles that differ are followed at a load cell at the drive only, not under the counterface"
+        )
     if log.fit_mode.name != "cycles":
         return f"{log.name} does not stick and slip at one drive speed; take a window of it that does"
     if samples < fewest_samples:

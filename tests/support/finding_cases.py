@@ -200,6 +200,7 @@ CASES: dict[str, list[tuple[Make, ...]]] = {
     "friction_from_coefficient": [
         (log(GOOD.replace("Fx", "COF").replace("s,N,N", "s,,N")), log(GOOD)),
     ],
+    "force_from_torque": [(log(GOOD.replace("s,N,N", "s,N*m,N"), arm=0.1), log(GOOD, arm=0.1))],
     "time_from_distance": [
         tuple(log(f"{x},Speed [mm/s],Fx [N],Fz [N]\n{AT_SPEED}") for x in ("Distance [m]", "Time [s]")),
     ],
