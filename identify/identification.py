@@ -108,22 +108,36 @@ def fit(
 ) -> Fit:
     """Identify the parameters of a scene from all its logs together.
 
-    Args:
-        scene: rig, effects, parameters and logs; the path of a scene file, or its tables, does as well.
-        records: the scene's logs in their order; None reads them.
-        progress: called as progress(stage, share of the whole).
-        starts: where the search starts: "data", "user" (the scene's `start` values before the data), "both"; default
-            both where the scene gives a start, else the data.
-        seed: of the random starts, where the data's own do not fit or the data hardly tell some parameter, and of the
-            bootstrap.
-        options: how finely, and which further looks at how sure the answer is.
-        estimator: another one than that of this package: multiple shooting, and where that fails since cycles differ,
-            or where the effect friction_heterogeneity asks for it, the one of uneven records.
-        time_limit: [s] or text with a unit, in place of that of the scene.
+    Parameters
+    ----------
+    scene : Scene | str | Path | Mapping[str, object]
+        rig, effects, parameters and logs; the path of a scene file, or its tables, does as well.
+    records : Sequence[Record] | None, optional
+        the scene's logs in their order; None reads them.
+    progress : Progress | None, optional
+        called as progress(stage, share of the whole).
+    starts : Sources | None, optional
+        where the search starts: "data", "user" (the scene's `start` values before the data), "both"; default both
+        where the scene gives a start, else the data.
+    seed : int, optional
+        of the random starts, where the data's own do not fit or the data hardly tell some parameter, and of the
+        bootstrap.
+    options : FitOptions, optional
+        how finely, and which further looks at how sure the answer is.
+    estimator : Estimator | None, optional
+        another one than that of this package: multiple shooting, and where that fails since cycles differ, or where
+        the effect friction_heterogeneity asks for it, the one of uneven records.
+    time_limit : float | str | None, optional
+        [s] or text with a unit, in place of that of the scene.
 
-    Raises:
-        FitError, SceneError, LogError: what cannot be set up, one sentence. A fit that does not succeed is no error:
-            its status says so.
+    Returns
+    -------
+    Fit
+
+    Raises
+    ------
+    FitError, SceneError, LogError
+        what cannot be set up, one sentence. A fit that does not succeed is no error: its status says so.
     """
     from identify.report.finished import Fit  # pages and predictions: not needed before there is a fit
 

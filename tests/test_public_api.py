@@ -33,5 +33,16 @@ def test_a_public_name_has_a_docstring_with_shapes_and_units(name, public, aroun
     assert lacking(name, public, around) == []
 
 
+@pytest.mark.parametrize(
+    ("name", "public"), [(n, f) for n, f, _ in members(identify) if inspect.isfunction(f) and not n[0].isupper()]
+)
+def test_a_public_function_has_the_sections_of_numpydoc(name, public):
+    """Every argument under Parameters; what comes back, and an error where the text names one, under their own."""
+    told = inspect.getdoc(public)
+    parameters, _, rest = told.partition("Parameters\n----------\n")[2].partition("\n\n")
+    missing = [p for p in inspect.signature(public).parameters if not re.search(rf"^(\w+, )*{p}\b", parameters, re.M)]
+    assert not missing and rest.startswith("Returns\n-------\n") and "Args:" not in told
+
+
 def test_the_reference_page_is_what_the_docstrings_say():
     assert PAGE.read_text(encoding="utf-8") == page(), "run experiments/make_python_reference.py"

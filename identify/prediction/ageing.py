@@ -21,17 +21,26 @@ def saturation(
     with speed = 0 and gamma_0 = 0, eq. (3b) with the drive speed. The path is monotone, so that the
     clamp may act on its end.
 
-    Args:
-        t: time since gamma_0 [s], not negative.
-        gamma_0: saturation at t = 0, within 0 and 1.
-        speed: sliding speed [m/s]; its sign does not matter.
-        t_cr: creep time [s], positive.
-        D: relaxation length [m], positive.
-        derivatives: also return the exact derivatives.
+    Parameters
+    ----------
+    t : ArrayLike
+        time since gamma_0 [s], not negative.
+    gamma_0 : ArrayLike
+        saturation at t = 0, within 0 and 1.
+    speed : ArrayLike
+        sliding speed [m/s]; its sign does not matter.
+    t_cr : ArrayLike
+        creep time [s], positive.
+    D : ArrayLike
+        relaxation length [m], positive.
+    derivatives : bool, optional
+        also return the exact derivatives.
 
-    Returns:
-        gamma, broadcast over the arguments (NaN outside their ranges); with `derivatives` a pair
-        (gamma, {argument: derivative}), zero where gamma is clamped.
+    Returns
+    -------
+    ndarray or float, or a pair with the derivatives
+        gamma, broadcast over the arguments (NaN outside their ranges); with `derivatives` a pair (gamma, {argument:
+        derivative}), zero where gamma is clamped.
     """
     q = dict(zip(("t", "gamma_0", "speed", "t_cr", "D"), np.broadcast_arrays(t, gamma_0, speed, t_cr, D), strict=True))
     q = {name: np.asarray(value, float) for name, value in q.items()}

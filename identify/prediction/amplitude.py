@@ -55,14 +55,20 @@ def _shaped(values: NDArray[Any], *like: ArrayLike, where: NDArray[np.bool_] | N
 def slip_maximum(alpha: ArrayLike, overshoot: ArrayLike, *, derivatives: bool = False) -> Any:
     """Dimensionless time of the elongation maximum and the amplitude xi_max - xi_o (eqs. 13-16).
 
-    Args:
-        alpha: effective damping ratio zeta + dmu_k va w/2, any sign.
-        overshoot: A = xi_p - xi_o.
-        derivatives: also return the exact derivatives.
+    Parameters
+    ----------
+    alpha : ArrayLike
+        effective damping ratio zeta + dmu_k va w/2, any sign.
+    overshoot : ArrayLike
+        A = xi_p - xi_o.
+    derivatives : bool, optional
+        also return the exact derivatives.
 
-    Returns:
-        (time, amplitude), broadcast; NaN where there is no maximum. With `derivatives` a pair
-        ((time, amplitude), {"alpha": (d time, d amplitude), "overshoot": (...)}).
+    Returns
+    -------
+    ndarray or float, or a pair with the derivatives
+        (time, amplitude), broadcast; NaN where there is no maximum. With `derivatives` a pair ((time, amplitude),
+        {"alpha": (d time, d amplitude), "overshoot": (...)}).
     """
     a, A = _pair(alpha, overshoot)
     with np.errstate(all="ignore"):
@@ -137,7 +143,14 @@ COLUMNS = tuple(f.name for f in fields(Slip))[1:]  # the numbers of a slip
 def slip(alpha: ArrayLike, overshoot: ArrayLike) -> Slip:
     """The whole slip, until the mass sticks again, of a saturated stick (eqs. 13-18).
 
-    Args: as for `slip_maximum`. Broadcasts.
+    Parameters
+    ----------
+    alpha, overshoot
+        as for `slip_maximum`. Broadcasts.
+
+    Returns
+    -------
+    Slip
     """
     a, A = _pair(alpha, overshoot)
     with np.errstate(all="ignore"):
@@ -156,11 +169,16 @@ def slip(alpha: ArrayLike, overshoot: ArrayLike) -> Slip:
 def slip_end(alpha: ArrayLike, overshoot: ArrayLike, *, derivatives: bool = False) -> Any:
     """Dimensionless time and elongation xi - xi_o at which the mass sticks again, xi' = 1 (eqs. 13, 18).
 
-    Args: as for `slip_maximum`.
+    Parameters
+    ----------
+    alpha, overshoot, derivatives
+        as for `slip_maximum`.
 
-    Returns:
-        (time, elongation), broadcast; NaN where the mass never sticks again. With `derivatives` a pair
-        ((time, elongation), {"alpha": (...), "overshoot": (...)}); they grow without bound at the fold.
+    Returns
+    -------
+    ndarray or float, or a pair with the derivatives
+        (time, elongation), broadcast; NaN where the mass never sticks again. With `derivatives` a pair ((time,
+        elongation), {"alpha": (...), "overshoot": (...)}); they grow without bound at the fold.
     """
     whole = slip(alpha, overshoot)
     values = whole.duration, whole.elongation

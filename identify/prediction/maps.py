@@ -250,17 +250,28 @@ def stability_map(
 ) -> Chart:
     """Where a pair sticks and slips, slides steadily, or does either, over two quantities (`axes.known_axes`).
 
-    Args:
-        scene: a scene with one drive speed and normal force under [rig] and values that are fixed, else start, else
-            default; or an operating point. x_range, y_range: [SI]; None: around the point.
-        points: along each quantity, or along x and y.
+    Parameters
+    ----------
+    scene : Scene | Site
+        a scene with one drive speed and normal force under [rig] and values that are fixed, else start, else
+        default; or an operating point.
+    x, y : str
+        the quantities, such as drive_speed and stiffness.
+    x_range, y_range : Range | None, optional
+        [SI]; None: around the point.
+    points : int | tuple[int, int], optional
+        along each quantity, or along x and y.
 
-    Returns:
+    Returns
+    -------
+    Chart
         a `Chart`: outcomes, drop, period and the rest on the grid, and the boundaries; `write_map` stores it,
         `report.draw_map.draw_map` draws it.
 
-    Raises:
-        SimulationError: a speed or a force that nobody stated; quantities, ranges or a model that make no map.
+    Raises
+    ------
+    SimulationError
+        a speed or a force that nobody stated; quantities, ranges or a model that make no map.
     """
     if isinstance(scene, Scene):
         speed, load = scene.rig.drive_speed, scene.rig.normal_force

@@ -90,15 +90,24 @@ def eigenvalues(
 ) -> Any:
     """Eigenvalues of steady sliding [1/s] (eqs. 19-24, derived form, speed dependence of friction kept).
 
-    Args:
-        rig: mass [kg], stiffness [N/m], damping h [N/m].
-        friction: mu_s, mu_k0, delta_mu_k, a [s/m], D [m], t_cr [s]; D = 0 means no contact ageing.
-        drive_speed: [m/s], sign irrelevant. normal_force: [N]. All of these broadcast.
-        derivatives: also return {quantity: d eigenvalues / d quantity} for every quantity of the arguments.
+    Parameters
+    ----------
+    rig : object
+        mass [kg], stiffness [N/m], damping h [N/m].
+    friction : object
+        mu_s, mu_k0, delta_mu_k, a [s/m], D [m], t_cr [s]; D = 0 means no contact ageing.
+    drive_speed : ArrayLike
+        [m/s], sign irrelevant.
+    normal_force : ArrayLike
+        [N]. All of these broadcast.
+    derivatives : bool, optional
+        also return {quantity: d eigenvalues / d quantity} for every quantity of the arguments.
 
-    Returns:
-        Complex array, shape (..., 3), descending real then imaginary part; the last is NaN where the contact
-        is fully worn (v_acr > 1: gamma stays 0 and ageing plays no part).
+    Returns
+    -------
+    ndarray or float, or a pair with the derivatives
+        Complex array, shape (..., 3), descending real then imaginary part; the last is NaN where the contact is
+        fully worn (v_acr > 1: gamma stays 0 and ageing plays no part).
     """
     sign = np.sign(np.asarray(drive_speed, float)) + (np.asarray(drive_speed) == 0)
     known = [getattr(rig, name) for name in RIG] + [getattr(friction, name) for name in FRICTION]
@@ -138,11 +147,16 @@ def _tangent(alpha: Array, n: Array) -> tuple[Array, Array]:
 def log_critical_loading(alpha: ArrayLike, n: ArrayLike = 1, *, derivatives: bool = False) -> Any:
     """Natural logarithm of `critical_loading`: finite also where that overflows.
 
-    Args: as for `critical_loading`.
+    Parameters
+    ----------
+    alpha, n, derivatives
+        as for `critical_loading`.
 
-    Returns:
-        ln Phi_cr: -infinity for -1 < alpha <= 0, infinity for alpha >= 1, NaN for alpha <= -1. With
-        `derivatives` a pair (value, {"alpha": derivative}), NaN where the value is not finite.
+    Returns
+    -------
+    ndarray or float, or a pair with the derivatives
+        ln Phi_cr: -infinity for -1 < alpha <= 0, infinity for alpha >= 1, NaN for alpha <= -1. With `derivatives` a
+        pair (value, {"alpha": derivative}), NaN where the value is not finite.
     """
     a, order = (np.atleast_1d(q) for q in np.broadcast_arrays(np.asarray(alpha, float), np.asarray(n)))
     if np.any((order < 1) | (order != np.floor(order))):
@@ -164,18 +178,26 @@ def log_critical_loading(alpha: ArrayLike, n: ArrayLike = 1, *, derivatives: boo
 def critical_loading(alpha: ArrayLike, n: ArrayLike = 1, *, derivatives: bool = False) -> Any:
     """Phi_cr(alpha): with Phi = 2 alpha + A below it the mass never sticks again (eqs. 17-18, derived).
 
-    Args:
-        alpha: effective damping ratio of the slip.
-        n: which velocity maximum touches the drive speed; 1 is the physical one for alpha > 0.
-        derivatives: also return the exact derivative with respect to alpha.
+    Parameters
+    ----------
+    alpha : ArrayLike
+        effective damping ratio of the slip.
+    n : ArrayLike, optional
+        which velocity maximum touches the drive speed; 1 is the physical one for alpha > 0.
+    derivatives : bool, optional
+        also return the exact derivative with respect to alpha.
 
-    Returns:
+    Returns
+    -------
+    ndarray or float, or a pair with the derivatives
         Phi_cr, dimensionless, broadcast: 0 for -1 < alpha <= 0, infinity for alpha >= 1 and on overflow, NaN for
-        alpha <= -1.
-        With `derivatives` a pair (Phi_cr, {"alpha": derivative}): 0 for -1 < alpha < 0, NaN at 0 (vertical).
+        alpha <= -1. With `derivatives` a pair (Phi_cr, {"alpha": derivative}): 0 for -1 < alpha < 0, NaN at 0
+        (vertical).
 
-    Raises:
-        ValueError: n is not a whole number from 1 on.
+    Raises
+    ------
+    ValueError
+        n is not a whole number from 1 on.
     """
     with np.errstate(over="ignore", invalid="ignore"):
         if not derivatives:
@@ -193,18 +215,27 @@ def critical_friction(zeta: ArrayLike, tau_cr: ArrayLike, form: Form = "derived"
     Derived: z (1 + T^2/(1 + z T)) with z = 2 zeta, T = tau_cr. Printed eq. (25) has z = zeta in its
     determinant and is up to a factor 2 too low (docs/printed_errors.md, E23 and E25).
 
-    Args:
-        zeta: damping ratio h/2k; where sliding friction depends on speed, half of z of docs/equations.md, section 6.
-        tau_cr: dimensionless creep time omega_n t_cr, positive.
-        form: "derived", or "printed" for the paper's own.
-        derivatives: also return {"zeta": ..., "tau_cr": ...}.
+    Parameters
+    ----------
+    zeta : ArrayLike
+        damping ratio h/2k; where sliding friction depends on speed, half of z of docs/equations.md, section 6.
+    tau_cr : ArrayLike
+        dimensionless creep time omega_n t_cr, positive.
+    form : Form, optional
+        "derived", or "printed" for the paper's own.
+    derivatives : bool, optional
+        also return {"zeta": ..., "tau_cr": ...}.
 
-    Returns:
+    Returns
+    -------
+    ndarray or float, or a pair with the derivatives
         Pi_fc, broadcast. It decides only where z + 1/T > 0; for a more negative z steady sliding is unstable
         whatever the friction, and the number is the formula's mere continuation: use `eigenvalues` there.
 
-    Raises:
-        ValueError: an unknown form.
+    Raises
+    ------
+    ValueError
+        an unknown form.
     """
     if form not in DAMPERS:
         raise ValueError(f"form was {form!r}; expected 'derived' or 'printed'")
@@ -223,9 +254,14 @@ def critical_friction(zeta: ArrayLike, tau_cr: ArrayLike, form: Form = "derived"
 def critical_frequency(zeta: ArrayLike, tau_cr: ArrayLike, *, derivatives: bool = False) -> Any:
     """Omega_c = 1/sqrt(1 + 2 zeta tau_cr): frequency at the boundary over omega_n (eqs. 23-25).
 
-    Args: as for `critical_friction`.
+    Parameters
+    ----------
+    zeta, tau_cr, derivatives
+        as for `critical_friction`.
 
-    Returns:
+    Returns
+    -------
+    ndarray or float, or a pair with the derivatives
         Omega_c, broadcast; NaN where 1 + 2 zeta tau_cr <= 0 (no such boundary). With `derivatives` a pair.
     """
     zeta, T = (np.asarray(q, float) for q in np.broadcast_arrays(zeta, tau_cr))

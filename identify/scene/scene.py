@@ -13,6 +13,7 @@ from data_io.contents import log_is_at
 from data_io.quality import DEFAULTS, Thresholds
 from identify.base.budget import DEFAULT_TIME_LIMIT
 from identify.base.errors import SceneError
+from identify.base.wording import DASH, quantity, wrapped
 from identify.effects import ALL
 from identify.effects.quantities import Parameter
 from identify.model.model import FRICTION_PARAMETERS, RIG_PARAMETERS, Model, assemble
@@ -22,6 +23,7 @@ from identify.scene.tables import TIED
 from identify.scene.toml import Tables, question_bare_numbers, read_toml, with_rig_file
 from identify.scene.values import EACH_LOG, Contact, DriveSpeed, Initial, LogEntry, ParameterSpec, Rig
 
+RIG_UNITS = {"mass": "kg", "stiffness": "N/m", "damping": "N/m", "normal_force": "N"}
 LOAD_LAW = "load law"  # role of the effects whose range is one of normal force
 
 
@@ -60,6 +62,21 @@ class Scene:
         if self.effects != "auto":
             for entry in self.logs or (None,):
                 self.check_ranges(entry)
+
+    def __repr__(self) -> str:
+        """A screen of it: effects, rig, what is stated of parameters, logs."""
+        rig = ((name, quantity(getattr(self.rig, name), unit)) for name, unit in RIG_UNITS.items())
+        stated = [
+            f"{name} fixed" if spec.fixed is not None else name for name, spec in self.parameters.items() if spec.stated
+        ]
+        effects = "effects chosen from the data" if self.effects == "auto" else ", ".join(self.effects)
+        lines = [
+            f"Scene {self.name}: {effects}",
+            f"rig: {', '.join(f'{name} {text}' for name, text in rig if text != DASH)}",
+            f"parameters stated: {', '.join(stated) or 'none'}",
+        ]
+        lines += [f"log {place}: {entry.path.name}" for place, entry in enumerate(self.logs, 1)]
+        return "\n".join(wrapped(line) for line in lines)
 
     @staticmethod
     def from_toml(path: str | Path, overrides: Sequence[str] = ()) -> Scene:

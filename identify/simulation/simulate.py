@@ -113,16 +113,30 @@ def simulate(
     The course of the normal force counts where the effect varying_normal_force is on, else its mean over the
     duration. Every quantity may be a number in SI or text with a unit, such as "20 s".
 
-    Args:
-        drive, normal_force: replace those of the scene's rig; units and forms as in `run`.
-        accuracy: relative error of switch times and forces that is tolerated; None: an order below the noise,
-            `ACCURACY` where there is none.
-        noise: that the record is to carry [N]; None: what the scene says.
+    Parameters
+    ----------
+    scene : Scene
+        what is simulated.
+    duration : float | str
+        of the motion [s].
+    drive, normal_force : float | str | Drive | tuple[tuple[float, float], ...] | None, optional
+        replace those of the scene's rig; units and forms as in `run`.
+    accuracy : float | None, optional
+        relative error of switch times and forces that is tolerated; None: an order below the noise, `ACCURACY`
+        where there is none.
+    noise : float | str | None, optional
+        that the record is to carry [N]; None: what the scene says.
 
-    Raises:
-        SimulationError: no drive speed or normal force is given, or what the model refuses.
-        SceneError: the effects are still to be chosen, or one of them is outside its measured range; text that is no
-            quantity.
+    Returns
+    -------
+    Trajectory
+
+    Raises
+    ------
+    SimulationError
+        no drive speed or normal force is given, or what the model refuses.
+    SceneError
+        the effects are still to be chosen, or one of them is outside its measured range; text that is no quantity.
     """
     duration = quantity(duration, "s", "the duration")
     speed = scene.rig.drive_speed if drive is None else drive
