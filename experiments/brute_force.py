@@ -71,29 +71,29 @@ class Lanes:
         v = self.values
         return np.asarray(v["normal_force"] * (v["mu_k0"] + (v["mu_s"] - v["mu_k0"]) * gamma))
 
-    def rates(self, state: Array, sign: Array, worn: Bools) -> Array:
+    def rates(self, state: Array, sign: Array, renewed: Bools) -> Array:
         """d/dt of (elongation, speed, gamma) (3, n) while sliding."""
         v, (x, speed, gamma) = self.values, state
         fast = np.maximum(sign * speed, 0.0)
         kinetic = v["mu_k0"] + v["delta_mu_k"] * (1.0 - np.exp(-v["a"] * fast))
         friction = sign * v["normal_force"] * (kinetic + (v["mu_s"] - kinetic) * gamma)
         force = v["stiffness"] * x + self.damper * (self.drive - speed) - friction
-        ageing = np.where(worn, 0.0, (1.0 - gamma) / v["t_cr"] - sign * speed / v["D"])
+        ageing = np.where(renewed, 0.0, (1.0 - gamma) / v["t_cr"] - sign * speed / v["D"])
         return np.stack([self.drive - speed, force / v["mass"], ageing])
 
-    def step(self, state: Array, sign: Array, worn: Bools, h: Array) -> Array:
+    def step(self, state: Array, sign: Array, renewed: Bools, h: Array) -> Array:
         """The states after steps h (n,) [s]."""
-        k1 = self.rates(state, sign, worn)
-        k2 = self.rates(state + 0.5 * h * k1, sign, worn)
-        k3 = self.rates(state + 0.5 * h * k2, sign, worn)
-        k4 = self.rates(state + h * k3, sign, worn)
+        k1 = self.rates(state, sign, renewed)
+        k2 = self.rates(state + 0.5 * h * k1, sign, renewed)
+        k3 = self.rates(state + 0.5 * h * k2, sign, renewed)
+        k4 = self.rates(state + h * k3, sign, renewed)
         return np.asarray(state + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4))
 
-    def margin(self, state: Array, sign: Array, worn: Bools) -> Array:
-        """Positive inside the mode: speed and gamma, or the speed above that at which a worn contact ages again."""
+    def margin(self, state: Array, sign: Array, renewed: Bools) -> Array:
+        """Positive inside the mode: speed and gamma, or the speed above that at which a renewed contact ages again."""
         v_cr = self.values["D"] / self.values["t_cr"]
         speed = sign * state[1]
-        return np.where(worn, speed / v_cr - 1.0, np.minimum(speed / self.drive, state[2]))
+        return np.where(renewed, speed / v_cr - 1.0, np.minimum(speed / self.drive, state[2]))
 
 
 @dataclass
@@ -139,12 +139,12 @@ def simulate(lanes: Lanes, rest: Array, cycles: int) -> Course:
     n = lanes.drive.size
     course = Course(np.zeros(n, int), np.zeros(n, bool), np.full(n, np.nan), np.full(n, np.nan), rest.copy())
     length, state = stick(lanes, rest)
-    onset, sign, worn = state[0].copy(), np.ones(n), np.zeros(n, bool)
+    onset, sign, renewed = state[0].copy(), np.ones(n), np.zeros(n, bool)
     slid, live = np.zeros(n), np.arange(n)
     while live.size:
         here = lanes.take(live)
-        after, h, rests, now_worn, now_sign = _advance(here, state[:, live], sign[live], worn[live])
-        state[:, live], worn[live], sign[live] = after, now_worn, now_sign
+        after, h, rests, now_worn, now_sign = _advance(here, state[:, live], sign[live], renewed[live])
+        state[:, live], renewed[live], sign[live] = after, now_worn, now_sign
         slid[live] += h
         course.slides[live[(slid[live] > SLIDES_AFTER * here.period) & ~rests]] = True
         i = live[rests]
@@ -154,7 +154,7 @@ def simulate(lanes: Lanes, rest: Array, cycles: int) -> Course:
             course.rest[:, i] = state[0, i], state[2, i]
             course.cycles[i] += 1
             length[i], state[:, i] = stick(lanes.take(i), course.rest[:, i])
-            onset[i], slid[i], sign[i], worn[i] = state[0, i], 0.0, 1.0, False
+            onset[i], slid[i], sign[i], renewed[i] = state[0, i], 0.0, 1.0, False
         live = live[~course.slides[live] & (course.cycles[live] < cycles)]
     return course
 
@@ -175,50 +175,50 @@ def begun(lanes: Lanes, cycles: int, fresh: Sequence[float] = (0.5, 0.15)) -> tu
     return ~whole.slides, whole
 
 
-def _advance(lanes: Lanes, state: Array, sign: Array, worn: Bools) -> tuple[Array, Array, Bools, Bools, Array]:
+def _advance(lanes: Lanes, state: Array, sign: Array, renewed: Bools) -> tuple[Array, Array, Bools, Bools, Array]:
     """One step of every lane, cut where its mode ends: states, lengths, which rest, and the modes that follow."""
     v = lanes.values
-    speed, pull = np.abs(state[1]), np.abs(lanes.rates(state, sign, worn)[1])
+    speed, pull = np.abs(state[1]), np.abs(lanes.rates(state, sign, renewed)[1])
     h = lanes.period / FINEST
     with np.errstate(all="ignore"):
         renewal = np.minimum(SHARE * v["D"] / speed, np.sqrt(2.0 * SHARE * v["D"] / pull))
         growth = np.sqrt(v["mass"] * v["D"] / ((v["mu_s"] - v["mu_k0"]) * v["normal_force"]))
-        h = np.minimum(h, np.where(worn, np.inf, np.minimum(renewal, SHARE * np.minimum(v["t_cr"], growth))))
-    after = lanes.step(state, sign, worn, h)
-    ends = lanes.margin(after, sign, worn) < 0.0
+        h = np.minimum(h, np.where(renewed, np.inf, np.minimum(renewal, SHARE * np.minimum(v["t_cr"], growth))))
+    after = lanes.step(state, sign, renewed, h)
+    ends = lanes.margin(after, sign, renewed) < 0.0
     rests = np.zeros(h.size, bool)
     i = np.flatnonzero(ends)
     if i.size:
         few = lanes.take(i)
-        at_rest = ~worn[i] & (sign[i] * after[1, i] / few.drive <= after[2, i])
-        share = _root(few, state[:, i], after[:, i], sign[i], worn[i], h[i], at_rest)
+        at_rest = ~renewed[i] & (sign[i] * after[1, i] / few.drive <= after[2, i])
+        share = _root(few, state[:, i], after[:, i], sign[i], renewed[i], h[i], at_rest)
         h[i] *= share
-        cut = few.step(state[:, i], sign[i], worn[i], h[i])
+        cut = few.step(state[:, i], sign[i], renewed[i], h[i])
         cut[1, at_rest] = 0.0
-        wears = ~at_rest & ~worn[i]
+        wears = ~at_rest & ~renewed[i]
         cut[2, wears] = 0.0
         after[:, i] = cut
-        worn = worn.copy()
-        worn[i] = wears
+        renewed = renewed.copy()
+        renewed[i] = wears
         pulls = few.values["stiffness"] * cut[0] + few.damper * few.drive
         held = at_rest & (np.abs(pulls) <= few.grip(np.maximum(cut[2], 0.0)))
         rests[i] = held
         sign = sign.copy()
         sign[i] = np.where(at_rest & ~held, np.sign(pulls), sign[i])
     after[2] = np.clip(after[2], 0.0, 1.0)
-    return after, h, rests, worn, sign
+    return after, h, rests, renewed, sign
 
 
 def _root(
-    lanes: Lanes, before: Array, after: Array, sign: Array, worn: Bools, h: Array, at_rest: Bools
+    lanes: Lanes, before: Array, after: Array, sign: Array, renewed: Bools, h: Array, at_rest: Bools
 ) -> Array:  # fmt: skip
     """Share of a step (n,) at which what ends the mode is zero, by the cubic through both ends."""
-    level = np.where(worn, lanes.values["D"] / lanes.values["t_cr"], 0.0)
-    row = np.where(worn | at_rest, 1, 2)
+    level = np.where(renewed, lanes.values["D"] / lanes.values["t_cr"], 0.0)
+    row = np.where(renewed | at_rest, 1, 2)
     pick = np.arange(h.size)
     factor = np.where(row == 1, sign, 1.0)
     y0, y1 = (factor * s[row, pick] - level for s in (before, after))
-    d0, d1 = (factor * lanes.rates(s, sign, worn)[row, pick] * h for s in (before, after))
+    d0, d1 = (factor * lanes.rates(s, sign, renewed)[row, pick] * h for s in (before, after))
     low, high = np.zeros_like(h), np.ones_like(h)
     # Where a slip begins the value is zero and rises: the root asked for is the later one.
     low = np.where(y0 <= 0.0, 1e-3, low)
@@ -240,12 +240,12 @@ def swings_die(lanes: Lanes, share: float = 0.02, periods: int = 80) -> Bools:
     level = v["normal_force"] * (mu + (v["mu_s"] - mu) * gamma)
     state = np.stack([level / v["stiffness"], (1.0 + share) * lanes.drive, gamma])
     n = lanes.drive.size
-    sign, worn, time = np.ones(n), lanes.drive * v["t_cr"] >= v["D"], np.zeros(n)
+    sign, renewed, time = np.ones(n), lanes.drive * v["t_cr"] >= v["D"], np.zeros(n)
     early, late, stopped, live = np.zeros(n), np.zeros(n), np.zeros(n, bool), np.arange(n)
     while live.size:
         here = lanes.take(live)
-        after, h, _, now_worn, _ = _advance(here, state[:, live], sign[live], worn[live])
-        state[:, live], worn[live] = after, now_worn
+        after, h, _, now_worn, _ = _advance(here, state[:, live], sign[live], renewed[live])
+        state[:, live], renewed[live] = after, now_worn
         time[live] += h
         clock, swing = time[live] / here.period, np.abs(after[1] / here.drive - 1.0)
         early[live] = np.where(

@@ -53,7 +53,7 @@ class Model:
     states; p (n_p,) in the order of `parameters`; u (4,) = drive speed [m/s], normal force [N],
     direction of sliding (+1 or -1), time since the start of the record [s].
 
-    Without the effect inertia there is no state sliding_speed: slip, worn, load, load_cell and sliding_cell take the
+    Without the effect inertia there is no state sliding_speed: slip, renewed, load, load_cell and sliding_cell take the
     speed along the direction of slip [m/s] as one more, last argument.
     """
 
@@ -62,7 +62,7 @@ class Model:
     states: tuple[State, ...]
     clamped: int | None  # index of the state with a lower bound, None without one
     slip: ca.Function  # (x, p, u) -> dx/dt, no state clamped
-    worn: ca.Function  # (x, p, u) -> dx/dt, the bounded state held at its lower bound
+    renewed: ca.Function  # (x, p, u) -> dx/dt, the bounded state held at its lower bound
     rest: ca.Function  # (x, p, u at the end, t) -> x after resting for t [s], closed form
     calm_force: ca.Function  # (x, p, u at the end, t) -> driving force after resting [N], without what oscillates
     driving_force: ca.Function  # (x, p, u) -> force that tries to move a mass at rest [N], signed
@@ -179,7 +179,7 @@ def _assembled(names: tuple[str, ...], force_sensor: ForceSensorPlace) -> Model:
         states=m.states,
         clamped=m.clamped,
         slip=function("slip", moving, slip),
-        worn=function("worn", moving, m.motion(held=True)),
+        renewed=function("renewed", moving, m.motion(held=True)),
         rest=function("rest", [m.t], rested),
         calm_force=function("calm_force", [m.t], chain.calm_force(m)),
         driving_force=function("driving_force", [], pull),

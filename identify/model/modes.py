@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-ModeName = Literal["stick", "slip", "worn"]
+ModeName = Literal["stick", "slip", "renewed"]
 GuardName = Literal["speed", "clearance", "release"]
 
 # Guards, positive while a mode holds (in the order the step function returns them):
@@ -23,11 +23,11 @@ class Mode:
     exits: tuple[tuple[GuardName, ModeName], ...]
 
 
-SLIP = Mode("slip", exits=(("speed", "stick"), ("clearance", "worn")))
-WORN = Mode("worn", exits=(("speed", "stick"), ("release", "slip")))
+SLIP = Mode("slip", exits=(("speed", "stick"), ("clearance", "renewed")))
+RENEWED = Mode("renewed", exits=(("speed", "stick"), ("release", "slip")))
 PLAIN_SLIP = Mode("slip", exits=(("speed", "stick"),))
 
 
 def sliding_modes(has_clamped_state: bool) -> dict[ModeName, Mode]:
     """The sliding modes of a model; without a clamped state there is one."""
-    return {"slip": SLIP, "worn": WORN} if has_clamped_state else {"slip": PLAIN_SLIP}
+    return {"slip": SLIP, "renewed": RENEWED} if has_clamped_state else {"slip": PLAIN_SLIP}

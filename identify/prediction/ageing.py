@@ -46,8 +46,8 @@ def saturation(
     q = {name: np.asarray(value, float) for name, value in q.items()}
 
     def free(t: Array, gamma_0: Array, speed: Array, t_cr: Array, D: Array) -> Array:
-        worn = np.where(q["speed"] < 0, -speed, speed) * t_cr / D
-        return np.asarray(gamma_0 - (1 - gamma_0 - worn) * np.expm1(-t / t_cr))  # keeps its digits for t << t_cr
+        renewed = np.where(q["speed"] < 0, -speed, speed) * t_cr / D
+        return np.asarray(gamma_0 - (1 - gamma_0 - renewed) * np.expm1(-t / t_cr))  # keeps its digits for t << t_cr
 
     with np.errstate(all="ignore"):
         valid = (q["t"] >= 0) & (q["gamma_0"] >= 0) & (q["gamma_0"] <= 1) & (q["t_cr"] > 0) & (q["D"] > 0)

@@ -85,12 +85,12 @@ class ClosedForms:
     status: "restick", "steady" (slides on), "no_slip", "runaway" (alpha <= -1) of the linearised slip. groups: by name
     (`MEANING`). numbers: "drop", "period", "slip_duration", "peak_speed" of a cycle; "critical_speed"
     [m/s], below which that slip sticks again; "Pi" and its critical value "Pi_fc" decide
-    whether steady sliding is stable (below: stable); "Omega_c". worn: the contact does not age in steady sliding.
+    whether steady sliding is stable (below: stable); "Omega_c". renewed: the contact does not age in steady sliding.
     """
 
     groups: Mapping[str, Array]
     status: NDArray[np.str_]
-    worn: NDArray[np.bool_]
+    renewed: NDArray[np.bool_]
     numbers: Mapping[str, Array]
 
 

@@ -47,13 +47,13 @@ ALIKE = 0.03  # of the logarithm of the load, up to which draws of one pair end 
 @dataclass(frozen=True)
 class SlidingAnswer:
     """Steady sliding: whether small disturbances die out, their growth rate, the friction force, eigenvalues [1/s] as
-    (real, imaginary); worn: the contact does not age while it slides."""
+    (real, imaginary); renewed: the contact does not age while it slides."""
 
     stable: bool
     growth_rate: Number
     friction_force: Number
     eigenvalues: tuple[tuple[float, float], ...]
-    worn: bool
+    renewed: bool
 
 
 @dataclass(frozen=True)
@@ -356,7 +356,7 @@ def _prediction(
             growth_rate=growth,
             friction_force=of_model(steady.force, "N", "friction_force"),
             eigenvalues=tuple((float(z.real), float(z.imag)) for z in steady.eigenvalues),
-            worn=steady.worn,
+            renewed=steady.renewed,
         ),
         sliding_unstable_between=tuple(windows.unstable),
         searched_between=windows.searched,
@@ -407,5 +407,5 @@ def _closed_forms(
         out[name] = entry(name, numbers[name], QUANTITIES.get(name, "m/s"), why)
     for name in ("Pi", "Pi_fc", "Omega_c"):
         why = unaware or "exact for small disturbances of steady sliding"
-        out[name] = entry(name, None if forms.worn else numbers[name], "", why)
+        out[name] = entry(name, None if forms.renewed else numbers[name], "", why)
     return groups, ClosedFormsAnswer(validity, str(forms.status), ignored, out)

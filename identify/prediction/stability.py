@@ -27,9 +27,9 @@ def _linearise(q: dict[str, Array]) -> tuple[Array, Array, NDArray[np.bool_]]:
     v, left = q["drive_speed"], np.exp(-q["a"] * q["drive_speed"])
     with np.errstate(all="ignore"):
         ageing = (q["D"].real > 0) & (q["t_cr"].real > 0) & ((v * q["t_cr"]).real <= q["D"].real)
-        worn = np.where(ageing, v * q["t_cr"] / q["D"], 1.0)
+        renewed = np.where(ageing, v * q["t_cr"] / q["D"], 1.0)
         damper = q["damping"] * np.sqrt(q["mass"] / q["stiffness"])
-        resistance = damper + q["normal_force"] * q["delta_mu_k"] * q["a"] * left * worn
+        resistance = damper + q["normal_force"] * q["delta_mu_k"] * q["a"] * left * renewed
         step = q["mu_s"] - q["mu_k0"] + q["delta_mu_k"] * np.expm1(-q["a"] * v)
     return resistance, step, ageing
 
@@ -51,7 +51,7 @@ def _roots(q: dict[str, Array]) -> NDArray[np.complex128]:
         value, slope = ((roots + c2) * roots + c1) * roots + c0, (3 * roots + 2 * c2) * roots + c1
         better = roots - value / slope
         roots = np.where(np.isfinite(better) & (np.abs(better - roots) < 1e-3 * np.abs(roots)), better, roots)
-    none = np.arange(3) == np.argmin(np.abs(roots), axis=-1)[..., None]  # worn: the root at zero is that of no state
+    none = np.arange(3) == np.argmin(np.abs(roots), axis=-1)[..., None]  # renewed: the root at zero is that of no state
     return np.where(usable & (ageing[..., None] | ~none), roots, np.nan)
 
 
@@ -107,7 +107,7 @@ def eigenvalues(
     -------
     ndarray or float, or a pair with the derivatives
         Complex array, shape (..., 3), descending real then imaginary part; the last is NaN where the contact is
-        fully worn (v_acr > 1: gamma stays 0 and ageing plays no part).
+        fully renewed (v_acr > 1: gamma stays 0 and ageing plays no part).
     """
     sign = np.sign(np.asarray(drive_speed, float)) + (np.asarray(drive_speed) == 0)
     known = [getattr(rig, name) for name in RIG] + [getattr(friction, name) for name in FRICTION]

@@ -104,17 +104,17 @@ def slip(model: Model, x: Array, p: Array, u: Array, per_half_period: int) -> Sl
     rests = (over >= 0) & np.all(np.isfinite(after[over, rows]), axis=1)
     length = int(over.max(initial=0)) + 1 if active.size == 0 else len(after)
     before = np.concatenate([x[None], after])
-    worn = np.full(n, -1)
+    renewed = np.full(n, -1)
     if model.clamped is not None:
         wears = (free[..., model.clamped] <= _lowest(model)) & (before[:-1, :, model.clamped] > _lowest(model))
-        worn = _first(wears & (np.arange(len(after))[:, None] < np.where(over < 0, len(after), over)))
+        renewed = _first(wears & (np.arange(len(after))[:, None] < np.where(over < 0, len(after), over)))
     # After its arrest a row keeps its state; one that is lost keeps that before.
     stop = np.where(over < 0, length, over + rests)
     kept = np.minimum(np.arange(length + 1)[:, None], stop)
     states, rates = before[kept, rows], rates[np.minimum(kept, np.where(over < 0, length - 1, over)), rows]
     rates[(kept == stop) & (over >= 0) & ~rests] = 0.0
     ends = []
-    for component, at in ((model.clamped, worn), (SPEED, np.where(rests, over, -1))):
+    for component, at in ((model.clamped, renewed), (SPEED, np.where(rests, over, -1))):
         ends.append(_crossing(model, component, at, states, rates, free[at, rows], h))
     (wear, at_wear), (arrest, at_arrest) = ends
     return Slips(h, states, rates, wear, arrest, at_wear, at_arrest)

@@ -1,6 +1,6 @@
 """The shooting blocks: their equations from the composed model, and as functions of numbers over many instances.
 
-There are four types of block: a rest, the ageing of a worn contact just before a mass rests, an interval of a slide,
+There are four types of block: a rest, the ageing of a renewed contact just before a mass rests, an interval of a slide,
 and steady sliding. Each gives rows (defects and guards, scaled) and curve coefficients: what the load cell sees as a
 polynomial of reference time u within each cell, where u = 0 and 1 are the cell's ends for the event times at which the
 samples were assigned. Event times are unknowns, so the true cell is shifted and stretched against the reference one;
@@ -62,8 +62,8 @@ class RestBlock:
 
 @dataclass(frozen=True)
 class AgeingBlock:
-    """The last moment of a worn slide, in which the contact ages again: from where the mass would rest still worn to
-    the node in which the rest begins. It holds no samples.
+    """The last moment of a renewed slide, in which the contact ages again: from where the mass would rest, still
+    renewed, to the node in which the rest begins. It holds no samples.
 
     In truth the bounded state leaves its bound at the speed where its rate (eqs. 2-3) changes sign, friction grows, and
     the mass rests a little earlier and elsewhere. Both ways are followed over the speed, of which that moment has a
@@ -95,7 +95,7 @@ class AgeingBlock:
         creeping[SPEED] = v
         pace = model.slip(creeping, p, inputs(ca.SX(0)))[model.clamped]
         at_rest, slope = (ca.substitute(q, v, 0.0) for q in (pace, ca.gradient(pace, v)))
-        braked = ca.fmax(-model.worn(start, p, inputs(ca.SX(0)))[SPEED], self.SLOWEST)
+        braked = ca.fmax(-model.renewed(start, p, inputs(ca.SX(0)))[SPEED], self.SLOWEST)
         k, m = (p[model.parameter_names.index(name)] for name in ("stiffness", "mass"))
         release = ca.fmin(-at_rest / slope, self.FASTEST * braked * ca.sqrt(m / k))
 
@@ -113,7 +113,7 @@ class AgeingBlock:
                 both = step(RK4, motion, both, h)[0]
             return both[:-1], both[-1]
 
-        freed, before = by_speed(model.worn, start, ca.SX(0), ca.SX(0), release)
+        freed, before = by_speed(model.renewed, start, ca.SX(0), ca.SX(0), release)
         arrested, after = by_speed(model.slip, freed, before, release, ca.SX(0))
         return ca.SX(model.rest(s.at_rest(arrested), p, inputs(after), -after))
 
@@ -122,13 +122,13 @@ class AgeingBlock:
 class SlideBlock:
     """One shooting interval of a slide: so many RK4 steps, their defect at the end, a cubic Hermite curve per step.
 
-    worn: the bounded state stays at its bound; released: at the end it is about to leave it, one more row; jitter: the
-    deviation of the normal force is one at the onset and another at the end of the slide; its rate is none at the
+    renewed: the bounded state stays at its bound; released: at the end it is about to leave it, one more row; jitter:
+    the deviation of the normal force is one at the onset and another at the end of the slide; its rate is none at the
     onset, where the spring force would fall behind the static limit otherwise.
     """
 
     steps: int
-    worn: bool = False
+    renewed: bool = False
     released: bool = False
     jitter: bool = False
 
@@ -139,7 +139,7 @@ class SlideBlock:
         swing = s.deviation_end - s.deviation if self.jitter else ca.SX(0)
         loads = s.force_start, s.force_slope, s.deviation, swing
         course = ca.vertcat(s.drive_speed, *loads, s.duration, s.offset_start, s.since)
-        one, x, clamped = _step(model, self.worn), ca.SX(s.start), _clamped(model, self.worn)
+        one, x, clamped = _step(model, self.renewed), ca.SX(s.start), _clamped(model, self.renewed)
         for i in clamped:
             x[i] = model.states[i].lower
         h = s.duration * (s.last - s.first) / self.steps
@@ -164,13 +164,13 @@ class SteadyBlock:
     Exact where the normal force is level; where it drifts, the motion lags behind by less than a natural period.
     """
 
-    worn: bool = False
+    renewed: bool = False
 
     def equations(self, model: Model) -> Equations:
         """No rates at both ends, and a line between the forces there."""
         s = Symbols.of(model)
-        p, clamped = s.parameters(model), _clamped(model, self.worn)
-        field = model.worn if self.worn else model.slip
+        p, clamped = s.parameters(model), _clamped(model, self.renewed)
+        field = model.renewed if self.renewed else model.slip
         rows, shown = [], []
         for state, force, t in ((s.start, s.force_start, ca.SX(0)), (s.end, s.force_end, s.reference)):
             x = ca.SX(state)
@@ -254,9 +254,9 @@ class Symbols:
         return out
 
 
-def _clamped(model: Model, worn: bool) -> list[int]:
+def _clamped(model: Model, renewed: bool) -> list[int]:
     """The states that stay at their lower bounds."""
-    return [i for i, q in enumerate(model.states) if q.lower is not None] if worn else []
+    return [i for i, q in enumerate(model.states) if q.lower is not None] if renewed else []
 
 
 def _cells(s: Symbols, points: list[tuple[ca.SX, ...]], fractions: list[ca.SX], h: ca.SX) -> ca.SX:
@@ -279,14 +279,14 @@ def _cells(s: Symbols, points: list[tuple[ca.SX, ...]], fractions: list[ca.SX], 
 
 
 @lru_cache(maxsize=32)
-def _step(model: Model, worn: bool) -> ca.Function:
+def _step(model: Model, renewed: bool) -> ca.Function:
     """One RK4 step of a slip: (x, time since the slip began, length, p, course of the inputs as `_inputs` has it) ->
     x after it, and what the load cell sees before it, and the rate of that. Called once for each step, which costs much
     less than to write the step out as often."""
     n_x = len(model.states)
     x, t, h = ca.SX.sym("x", n_x), ca.SX.sym("t"), ca.SX.sym("h")
     p, course = ca.SX.sym("p", len(model.parameters)), ca.SX.sym("course", 8)
-    field, seed = model.worn if worn else model.slip, ca.SX.sym("rate", n_x + 1)
+    field, seed = model.renewed if renewed else model.slip, ca.SX.sym("rate", n_x + 1)
     shown = model.sliding_cell(x, p, _inputs(course, t))
     sensor = ca.Function("sensor", [x, t, p, course, seed], [shown, ca.jtimes(shown, ca.vertcat(x, t), seed)])
 
@@ -371,7 +371,7 @@ class Block:
         the steps written out, so that it is compiled in a second, and is the same for any number of them."""
         assert self.one_step is not None and isinstance(self.kind, SlideBlock)
         (inner, last), steps, n_x = self.one_step, self.kind.steps, len(self.model.states)
-        clamped, n_p = _clamped(self.model, self.kind.worn), len(self.model.parameters)
+        clamped, n_p = _clamped(self.model, self.kind.renewed), len(self.model.parameters)
         count, moving = slots.shape[0], np.array([i for i in range(n_x) if i not in clamped])
         end, scale = slice(n_x, 2 * n_x), slice(n_p, n_p + n_x)
         at, of = (np.repeat(each[None], steps, axis=0) for each in (slots, constants))

@@ -41,14 +41,14 @@ KNOWN = -1  # index of a slot that holds a constant
 @dataclass(frozen=True)
 class Grid:
     """Shooting intervals and RK4 steps per interval in the two parts of a slip: while the bounded state
-    falls (`slip`), and once it is at its bound (`worn`)."""
+    falls (`slip`), and once it is at its bound (`renewed`)."""
 
     slip: int
-    worn: int
+    renewed: int
     steps: int
 
 
-COARSE_GRID = Grid(slip=8, worn=8, steps=2)
+COARSE_GRID = Grid(slip=8, renewed=8, steps=2)
 
 
 @dataclass(frozen=True)
@@ -288,9 +288,9 @@ class _LogTranscriber:
         self.count = len(trajectory.modes)
         rests = int(trajectory.rests_at_end and max([log.begin, *trajectory.until[-1:]]) < log.end)
         modes = [mode[:2] for mode in trajectory.modes] + [("rest", "end")] * rests
-        self.kind, self.ended_by = np.array(modes, dtype="U11").reshape(-1, 2).T
-        self.steady = np.isin(self.kind, ("steady", "steady_worn"))
-        self.worn = np.isin(self.kind, ("worn", "steady_worn"))
+        self.kind, self.ended_by = np.array(modes, dtype=str).reshape(-1, 2).T
+        self.steady = np.isin(self.kind, ("steady", "steady_renewed"))
+        self.renewed = np.isin(self.kind, ("renewed", "steady_renewed"))
         self.until = np.append(trajectory.until, np.full(rests, log.end))
         self.since = np.append(log.begin, self.until)[:-1]
         self.part = np.append(trajectory.part, np.full(rests, trajectory.parts)).astype(np.int64)
@@ -339,10 +339,10 @@ class _LogTranscriber:
         """The state the record starts from: elongation free, the other states with a weak prior."""
         value, kind = self.trajectory.start, str(self.kind[0]) if self.kind.size else "rest"
         known = np.ones(value.size, bool)
-        if kind not in ("steady", "steady_worn"):
+        if kind not in ("steady", "steady_renewed"):
             known[ELONGATION], known[SPEED] = False, kind == "rest"
         begin = self.c.states(value, self.size, known)
-        extra = ~self.is_speed & (np.arange(value.size) != ELONGATION) & ~(self.clamped & (kind == "worn"))
+        extra = ~self.is_speed & (np.arange(value.size) != ELONGATION) & ~(self.clamped & (kind == "renewed"))
         if extra.any() and not known[ELONGATION]:
             bounded = np.array([s.lower is not None for s in self.model.states])[extra]
             weak = np.where(bounded, 0.5, value[extra]), np.where(bounded, BOUNDED_START_SD, self.size[extra])
@@ -401,7 +401,7 @@ class _LogTranscriber:
         last = np.isin(np.arange(of.size), trajectory.first[1:] - 1)
         kind, ended_by, steady = self.kind[of], self.ended_by[of], self.steady[of]
         known[:, SPEED] = steady | (kind == "rest") | (last & (ended_by == "arrest"))
-        known[:, self.clamped] = (self.worn[of] | (last & (ended_by == "wear")))[:, None]
+        known[:, self.clamped] = (self.renewed[of] | (last & (ended_by == "wear")))[:, None]
         lowest = np.array([s.lower or 0.0 for s in self.model.states])
         return self.c.states(np.where(known & ~steady[:, None], lowest, trajectory.nodes), self.size, known)
 
@@ -430,7 +430,7 @@ class _LogTranscriber:
         rests, straight = np.flatnonzero(self.kind == "rest"), self.model.straight
         since, until = self.since[rests], self.until[rests]
         constants = self._constants(self.rest_rows, since, until, until)
-        aged = (rests > 0) & self.worn[rests - 1]
+        aged = (rests > 0) & self.renewed[rests - 1]
         if aged.any():
             self._age(rests[aged], constants[aged])
         spans = (until - since).tolist()
@@ -495,12 +495,12 @@ class _LogTranscriber:
         cells = since[:, None] + span[:, None] * cells
         edges = np.stack([cells[:, :-1], cells[:, 1:]], axis=2)
         slots = before, nodes[:, node], self.offset[:, of], self.ends[:, of]
-        worn, jitter = self.worn[of], self.jitter[of]
+        renewed, jitter = self.renewed[of], self.jitter[of]
         for kind, mine in (
-            (SlideBlock(steps), ~worn & ~jitter),
+            (SlideBlock(steps), ~renewed & ~jitter),
             (SlideBlock(steps, jitter=True), jitter),
-            (SlideBlock(steps, worn=True), worn & ~released),
-            (SlideBlock(steps, worn=True, released=True), released),
+            (SlideBlock(steps, renewed=True), renewed & ~released),
+            (SlideBlock(steps, renewed=True, released=True), released),
         ):
             load = self.load[:, of[mine], : 2 if kind.jitter else 1]
             own = *(slot[:, mine] for slot in slots), load
@@ -519,7 +519,7 @@ class _LogTranscriber:
             np.repeat(CONSTANT, of.size, axis=1),
         )
         slots = pieces[:, :, 0], pieces[:, :, 1], zero, zero, self.load[:, of, 0]
-        self._put(SteadyBlock(bool(self.worn[i])), of, slots, constants, spans[:, None])
+        self._put(SteadyBlock(bool(self.renewed[i])), of, slots, constants, spans[:, None])
 
     def _rates(self, state: Array, at: float) -> Array:
         """Derivatives of the rates of all states with respect to the states (n_x, n_x) [1/s per unit]."""

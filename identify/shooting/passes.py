@@ -313,7 +313,7 @@ def solve_in_passes(
 
 
 def fine_grid(logs: list[LogData], trajectories: list[ShootingTrajectory], unknowns: Unknowns) -> Grid:
-    """The grid of the fine passes: as many steps as the fastest rate of the worn slips asks for."""
+    """The grid of the fine passes: as many steps as the fastest rate of the renewed slips asks for."""
     names = unknowns.names
     needed = 0.0
     for log, trajectory in zip(logs, trajectories, strict=True):
@@ -324,7 +324,7 @@ def fine_grid(logs: list[LogData], trajectories: list[ShootingTrajectory], unkno
         longest = np.nanmax(
             np.concatenate([trajectory.arrest - trajectory.wear, (trajectory.arrest - trajectory.onset) / 2, [0.0]])
         )
-        needed = max(needed, rate * float(longest) / COARSE_GRID.worn / FASTEST)
+        needed = max(needed, rate * float(longest) / COARSE_GRID.renewed / FASTEST)
     steps = next((s for s in STEPS if s >= needed), STEPS[-1])
     return replace(COARSE_GRID, steps=steps)
 

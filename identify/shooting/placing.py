@@ -345,18 +345,18 @@ def _trajectory(
     """The trajectory of a log from a state at the begin (n_x,) and its slips `mine` (c,) with onsets (c,) [s]."""
     ends = {name: getattr(slips, name)[mine] for name in ("h", "wear", "arrest", "at_wear", "at_arrest")}
     own = replace(slips, states=slips.states[:, mine], rates=slips.rates[:, mine], **ends)
-    worn = np.isfinite(own.wear)
-    middle = np.where(worn, own.wear, own.arrest)[:, None]
+    renewed = np.isfinite(own.wear)
+    middle = np.where(renewed, own.wear, own.arrest)[:, None]
     slip = own.at(np.linspace(0.0, 1.0, grid.slip + 1) * middle)
-    wear = own.at(middle + np.linspace(0.0, 1.0, grid.worn + 1) * (own.arrest[:, None] - middle))
-    slip[:, -1], wear[:, -1] = np.where(worn[:, None], own.at_wear, own.at_arrest), own.at_arrest
+    wear = own.at(middle + np.linspace(0.0, 1.0, grid.renewed + 1) * (own.arrest[:, None] - middle))
+    slip[:, -1], wear[:, -1] = np.where(renewed[:, None], own.at_wear, own.at_arrest), own.at_arrest
     stretches = list[Stretch]()
     for i, begun in enumerate(onset.tolist()):
         arrest = begun + float(own.arrest[i])
         stretches.append(Stretch("rest", begun, "onset", slip[i, :1]))
-        if worn[i]:
+        if renewed[i]:
             stretches.append(Stretch("slip", begun + float(own.wear[i]), "wear", slip[i, 1:]))
-            stretches.append(Stretch("worn", arrest, "arrest", wear[i, 1:]))
+            stretches.append(Stretch("renewed", arrest, "arrest", wear[i, 1:]))
         else:
             stretches.append(Stretch("slip", arrest, "arrest", slip[i, 1:]))
     return ShootingTrajectory.of(start, stretches, log.own)
@@ -545,7 +545,7 @@ class _Motion:
                 faded = t < until and self.faded(t, motion)
             else:
                 t, x = t + arrest.start + arrest.duration, arrest.end
-        # The blocks of the rest that follows do the brief re-ageing of a worn contact.
+        # The blocks of the rest that follows do the brief re-ageing of a renewed contact.
         if arrest is not None and len(parts) > 1 and parts[-2][2] == "release" and t - parts[-2][1] <= BRIEF * half:
             parts[-2:] = [(parts[-2][0], t, "speed")]
         if parts:
@@ -567,7 +567,7 @@ class _Motion:
                 nodes[rows] = np.stack([sampled[s.name] for s in self.model.states], axis=1)
             if ended == "arrest":
                 nodes[-1, SPEED] = 0.0
-            self.stretches.append(Stretch("worn" if mode == "worn" else "slip", stop, ends[ended], nodes))
+            self.stretches.append(Stretch("renewed" if mode == "renewed" else "slip", stop, ends[ended], nodes))
             since = stop
         if arrest is not None:
             return t, x, False
@@ -597,5 +597,5 @@ class _Motion:
         if len(states) < len(steady):
             raise SimulationError("there is no steady sliding")
         nodes = np.stack([state.state for pair in pairwise(states) for state in pair])
-        kind = "steady_worn" if all(s.worn for s in states) else "steady"
+        kind = "steady_renewed" if all(s.renewed for s in states) else "steady"
         self.stretches.append(Stretch(kind, until, "time", nodes))  # type: ignore[arg-type]

@@ -17,11 +17,11 @@ from identify.model.model import SPEED
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-Kind = Literal["rest", "slip", "worn", "steady", "steady_worn"]
+Kind = Literal["rest", "slip", "renewed", "steady", "steady_renewed"]
 End = Literal["onset", "wear", "release", "arrest", "time"]
 
 # The stretches of a train of cycles by letters, and a train of them.
-LETTERS = {("rest", "onset"): "o", ("slip", "wear"): "w", ("worn", "arrest"): "a", ("slip", "arrest"): "A"}
+LETTERS = {("rest", "onset"): "o", ("slip", "wear"): "w", ("renewed", "arrest"): "a", ("slip", "arrest"): "A"}
 TRAIN = re.compile("(o(A|wa))*")
 
 
@@ -42,7 +42,7 @@ class Stretch:
     @property
     def steady(self) -> bool:
         """Whether the mass slides as fast as the drive."""
-        return self.kind in ("steady", "steady_worn")
+        return self.kind in ("steady", "steady_renewed")
 
 
 @dataclass(frozen=True)
@@ -201,11 +201,11 @@ def turned_back(trajectory: ShootingTrajectory) -> list[NDArray[np.bool_]]:
     """Nodes at which the mass moves backwards: of every stretch (n,), none of rests and of steady sliding. That is no
     motion of the model, in which the mass would rest in between."""
     speeds = [stretch.nodes[:, SPEED] for stretch in trajectory.stretches]
-    fastest = np.zeros(trajectory.parts)  # of the slip; what is worn throughout has its own
+    fastest = np.zeros(trajectory.parts)  # of the slip; what is renewed throughout has its own
     for part, stretch, speed in zip(trajectory.part, trajectory.stretches, speeds, strict=True):
         if stretch.kind == "slip":
             fastest[part] = max(fastest[part], float(np.max(np.abs(speed))))
     return [
-        (speed < -1e-3 * (fastest[part] or np.max(np.abs(speed)))) & (stretch.kind in ("slip", "worn"))
+        (speed < -1e-3 * (fastest[part] or np.max(np.abs(speed)))) & (stretch.kind in ("slip", "renewed"))
         for part, stretch, speed in zip(trajectory.part, trajectory.stretches, speeds, strict=True)
     ]

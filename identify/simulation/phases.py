@@ -358,7 +358,7 @@ def phases(machine: Machine, drive: Drive, normal_force: NormalForce, duration: 
         mode, u = "slip", np.array([drive.at(0.0), normal_force.line(0.0)[0], direction, 0.0])
         if model.clamped is not None and x[model.clamped] <= (model.states[model.clamped].lower or 0.0):
             # A fresh contact that would age below nothing is clamped.
-            mode = "worn" if float(model.slip(x, p, u)[model.clamped]) < 0.0 else "slip"
+            mode = "renewed" if float(model.slip(x, p, u)[model.clamped]) < 0.0 else "slip"
     phase: Phase
     for number in range(MAX_PHASES):
         situated = Situated(p, drive.at(t), direction, *normal_force.line(t), t)
@@ -438,7 +438,7 @@ def node_slopes(model: Model, slides: Sequence[Slide], onset: Array) -> list[Arr
     """
     out, moved, n, before = list[Array](), onset, onset.shape[0], None
     for slide in slides:
-        which = model.clamped if slide.mode == "worn" else None  # released: both motions agree there
+        which = model.clamped if slide.mode == "renewed" else None  # released: both motions agree there
         if before is not None and before.situated.direction != slide.situated.direction:
             which = SPEED
         if before is not None and which is not None:  # the jump of the rate times how the time of the switch moves

@@ -1,4 +1,4 @@
-"""Run the hybrid model forward: stick, slip and worn contact with located switches, no smoothing.
+"""Run the hybrid model forward: stick, slip and renewed contact with located switches, no smoothing.
 
 The friction law is used as it stands (eqs. 1, 2, 5, 6): a mass at rest stays at rest until the drive
 overcomes the static limit, and the sign function is never smoothed.

@@ -20,14 +20,14 @@ Array = NDArray[np.float64]
 class Sliding:
     """Steady sliding at the drive speed, SI.
 
-    state (n_x,); force the load cell sees [N]; worn: the bounded state stays at its bound; eigenvalues [1/s] of
-    small disturbances, descending real part then imaginary part (one fewer when worn).
+    state (n_x,); force the load cell sees [N]; renewed: the bounded state stays at its bound; eigenvalues [1/s] of
+    small disturbances, descending real part then imaginary part (one fewer when renewed).
     """
 
     drive_speed: float
     state: Array
     force: float
-    worn: bool
+    renewed: bool
     eigenvalues: NDArray[np.complex128]
 
     @property
@@ -49,32 +49,32 @@ def _split(settings: Array) -> tuple[Array, Array]:
 
 
 @lru_cache(maxsize=32)
-def _linear(model: Model, worn: bool) -> Mapped:
+def _linear(model: Model, renewed: bool) -> Mapped:
     """(x, p, u) -> dx/dt and, row by row, its Jacobian, of the sliding model."""
     x, p = ca.SX.sym("x", len(model.states)), ca.SX.sym("p", len(model.parameters))
     u = ca.SX.sym("u", 4)
-    rate = (model.worn if worn else model.slip)(x, p, u)
+    rate = (model.renewed if renewed else model.slip)(x, p, u)
     return Mapped(ca.Function("linear", [x, p, u], [ca.densify(rate), ca.densify(ca.vec(ca.jacobian(rate, x).T))]))
 
 
-def linearised(model: Model, worn: bool, x: Array, p: Array, u: Array) -> tuple[Array, Array]:
+def linearised(model: Model, renewed: bool, x: Array, p: Array, u: Array) -> tuple[Array, Array]:
     """dx/dt (n, n_x) while sliding, its Jacobian (n, n_x, n_x): x (n, n_x), p (n, n_p), u (n, 4)."""
-    rate, slope = _linear(model, worn)([x, p, u])
+    rate, slope = _linear(model, renewed)([x, p, u])
     return rate, slope.reshape(len(x), x.shape[1], -1)
 
 
-def _steady(model: Model, p: Array, u: Array, worn: bool) -> tuple[Array, Array]:
+def _steady(model: Model, p: Array, u: Array, renewed: bool) -> tuple[Array, Array]:
     """(states (n, n_x), reduced Jacobians (n, r, r)) at which every rate vanishes while sliding at the drive speed."""
     x = np.tile([s.start for s in model.states], (p.shape[0], 1))
     x[:, SPEED] = u[:, 0]
-    unknown = np.array([i for i in range(x.shape[1]) if i != SPEED and not (worn and i == model.clamped)])
+    unknown = np.array([i for i in range(x.shape[1]) if i != SPEED and not (renewed and i == model.clamped)])
     # The elongation's own rate vanishes with the speed; the acceleration determines the elongation.
     rates = np.where(unknown == 0, SPEED, unknown)
-    if worn and model.clamped is not None:
+    if renewed and model.clamped is not None:
         x[:, model.clamped] = model.states[model.clamped].lower or 0.0
     slope = np.empty(0)
     for _ in range(30):  # one is enough where the rates are linear in the states
-        rate, slope = linearised(model, worn, x, p, u)
+        rate, slope = linearised(model, renewed, x, p, u)
         step = np.linalg.solve(slope[:, rates[:, None], unknown], rate[:, rates][..., None])[..., 0]
         x[:, unknown] -= step
         if np.all(np.abs(step) <= 1e-12 * np.abs(x[:, unknown]) + 1e-300):
@@ -84,23 +84,23 @@ def _steady(model: Model, p: Array, u: Array, worn: bool) -> tuple[Array, Array]
 
 
 def _slidings(model: Model, p: Array, u: Array) -> tuple[Array, NDArray[np.bool_], NDArray[np.complex128]]:
-    """States (n, n_x), worn (n,) and eigenvalues (n, n_x; NaN last where worn) of rows p (n, n_p), u (n, 4)."""
+    """States (n, n_x), renewed (n,) and eigenvalues (n, n_x; NaN last where renewed) of rows p (n, n_p), u (n, 4)."""
     try:
-        x, slope = _steady(model, p, u, worn=False)
-        worn = np.zeros(x.shape[0], dtype=bool)
+        x, slope = _steady(model, p, u, renewed=False)
+        renewed = np.zeros(x.shape[0], dtype=bool)
         if model.clamped is not None:
-            worn = x[:, model.clamped] < (model.states[model.clamped].lower or 0.0)
+            renewed = x[:, model.clamped] < (model.states[model.clamped].lower or 0.0)
         values = np.full(x.shape, np.nan + 0j)
-        values[~worn] = np.linalg.eigvals(slope[~worn])
-        if np.any(worn):
-            x[worn], slope = _steady(model, p[worn], u[worn], worn=True)
-            values[worn, : slope.shape[-1]] = np.linalg.eigvals(slope)
+        values[~renewed] = np.linalg.eigvals(slope[~renewed])
+        if np.any(renewed):
+            x[renewed], slope = _steady(model, p[renewed], u[renewed], renewed=True)
+            values[renewed, : slope.shape[-1]] = np.linalg.eigvals(slope)
     except np.linalg.LinAlgError as error:
         speeds = np.unique(u[:, 0])
         raise SimulationError(
             f"no steady sliding at {speeds[0]:.3g} to {speeds[-1]:.3g} m/s was found ({error}); check the parameters"
         ) from error
-    return x, worn, values
+    return x, renewed, values
 
 
 def slidings(model: Model, settings: Array) -> list[Sliding]:
@@ -110,12 +110,12 @@ def slidings(model: Model, settings: Array) -> list[Sliding]:
         SimulationError: no finite steady state.
     """
     p, u = _split(settings)
-    x, worn, values = _slidings(model, p, u)
+    x, renewed, values = _slidings(model, p, u)
     forces, out = np.array(model.sliding_cell(x.T, p.T, u.T)).ravel().tolist(), []
     for i in range(len(p)):
         known = values[i][np.isfinite(values[i])]
         order = np.lexsort((-known.imag, -known.real))
-        out.append(Sliding(float(u[i, 0]), x[i], forces[i], bool(worn[i]), known[order]))
+        out.append(Sliding(float(u[i, 0]), x[i], forces[i], bool(renewed[i]), known[order]))
     return out
 
 

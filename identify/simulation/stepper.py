@@ -78,7 +78,7 @@ def symbols(model: Model) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX, ca.SX]:
 def rate(model: Model, mode: ModeName) -> ca.Function:
     """(x, constants (n_p + 5,), t in phase) -> dx/dt."""
     x, c, t, p, u = symbols(model)
-    field = model.worn if mode == "worn" else model.slip
+    field = model.renewed if mode == "renewed" else model.slip
     return ca.Function("rate", [x, c, t], [ca.densify(field(x, p, u))])
 
 
@@ -167,7 +167,7 @@ def coefficient(model: Model, mode: ModeName) -> ca.Function:
 # Many trials in one call.
 # ----------------------------------------------------------------------------------------------------------------------
 
-MODES: tuple[ModeName, ...] = ("slip", "worn")  # numbered so in a burst
+MODES: tuple[ModeName, ...] = ("slip", "renewed")  # numbered so in a burst
 SHORTEST = 1e-14  # of the natural time: a step shorter than that is no step
 GROWTH, SHRINKING, SAFETY = 10.0, 0.2, 0.9  # of the step length from one trial to the next
 BEYOND = 2.0  # times the time in which an event function would fall to zero as it falls: no step is longer

@@ -152,7 +152,7 @@ def _wavy(model: Model) -> bool:
 
 
 @EVERY
-@pytest.mark.parametrize("name", ["slip", "worn", "rest", "driving_force", "grip", "load_cell"])
+@pytest.mark.parametrize("name", ["slip", "renewed", "rest", "driving_force", "grip", "load_cell"])
 def test_derivatives(effect, name):
     for seed in range(2):
         assert derivative_error(assemble(case.company(effect)), name, seed) < 1e-7

@@ -35,13 +35,13 @@ def _prepared(kind, seed=1):
 
 
 def test_steady_sliding_is_the_closed_form_and_fades_where_it_is_stable():
-    for pair, rig, speed, worn in ((DEMO, RIG, 0.05, True), (MILD, STIFF, 1e-3, True), (MILD, STIFF, 1e-5, False)):
+    for pair, rig, speed, renewed in ((DEMO, RIG, 0.05, True), (MILD, STIFF, 1e-3, True), (MILD, STIFF, 1e-5, False)):
         values = pair | rig
         p, u = np.array([values[n] for n in NAMES]), np.array([speed, 1.0, 1.0, 0.0])
         found = lasting(MODEL, p, u)
         mu_k = values["mu_k0"] + values["delta_mu_k"] * -np.expm1(-values["a"] * speed)
         gamma = max(0.0, 1.0 - speed * values["t_cr"] / values["D"])
-        assert found.worn is worn
+        assert found.renewed is renewed
         shown = float(MODEL.load_cell(found.state, p, u))
         assert shown == pytest.approx(mu_k + (values["mu_s"] - mu_k) * gamma, rel=1e-9)
         assert found.stable

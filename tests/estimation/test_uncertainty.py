@@ -13,7 +13,7 @@ from identify.shooting.passes import solve_in_passes
 from identify.shooting.shooting import shooting_problem
 from tests.support import shooting_case as case
 
-SMALL = Grid(slip=4, worn=4, steps=3)
+SMALL = Grid(slip=4, renewed=4, steps=3)
 QUIET = 0.1  # noise so small that the fit is linear in it
 
 

@@ -319,9 +319,9 @@ def test_derivatives_of_the_eigenvalues(row: dict[str, Any]) -> None:
     values, table = stability.eigenvalues(*scene(row), derivatives=True)
 
     def characteristic(q: Mapping[str, Any], x: Any) -> Any:
-        worn = q["v0"] * q["tcr"] / q["D"] if row["v_acr"] <= 1 else mp.mpf(1)
+        renewed = q["v0"] * q["tcr"] / q["D"] if row["v_acr"] <= 1 else mp.mpf(1)
         weakening = q["dmuk"] * mp.exp(-q["a"] * q["v0"])
-        Z = q["h"] * mp.sqrt(q["m"] / q["k"]) + q["Fn"] * q["a"] * weakening * worn
+        Z = q["h"] * mp.sqrt(q["m"] / q["k"]) + q["Fn"] * q["a"] * weakening * renewed
         step = q["mus"] - q["muk0"] - q["dmuk"] + weakening
         mechanical = q["m"] * x**2 + Z * x + q["k"]
         return mechanical if row["v_acr"] > 1 else (x + 1 / q["tcr"]) * mechanical - q["Fn"] * step / q["D"] * x

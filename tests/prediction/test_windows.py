@@ -69,7 +69,7 @@ def test_a_window_with_two_ends_is_that_of_a_simulation():
 
 
 def test_stick_slip_out_of_reach_from_a_rested_contact_is_found():
-    """The contact has to be almost renewed: simulated from rest the mass slides, from a worn contact it sticks."""
+    """The contact has to be almost renewed: simulated from rest the mass slides, from a renewed contact it sticks."""
     pair = {
         "mass": 0.02134, "stiffness": 1857.0, "damping": 31.3, "a": 58.25, "D": 65.5e-6, "t_cr": 0.2226,
         "normal_force": 0.116, "mu_s": 0.6732, "mu_k0": 0.3551, "delta_mu_k": 0.04821,

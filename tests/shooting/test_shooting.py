@@ -16,8 +16,8 @@ from identify.shooting.passes import solve, solve_in_passes
 from identify.shooting.shooting import Problem, shooting_problem
 from tests.support import shooting_case as case
 
-SMALL = Grid(slip=4, worn=3, steps=2)
-FINE = Grid(slip=16, worn=16, steps=4)
+SMALL = Grid(slip=4, renewed=3, steps=2)
+FINE = Grid(slip=16, renewed=16, steps=4)
 VARIED = [(0.0, 0.0), (1e-3, 0.0), (0.0, 1e-2)]  # standard deviations of the load in fast rhythms, and of strength
 
 
@@ -228,9 +228,9 @@ def test_the_truth_solves_the_rows_and_has_the_event_times_of_the_independent_in
     for log, trajectory in zip(logs, trajectories, strict=True):
         assert np.max(np.abs(trajectory.onset - log.truth.onsets[: log.cycles])) < 1e-6
         assert np.max(np.abs(trajectory.arrest - log.truth.arrests)) < 1e-6
-        worn = trajectory.until[trajectory.ending("wear")]
-        assert worn.size == log.truth.wear_times.size
-        assert np.max(np.abs(worn - log.truth.wear_times), initial=0.0) < 1e-6
+        renewed = trajectory.until[trajectory.ending("wear")]
+        assert renewed.size == log.truth.wear_times.size
+        assert np.max(np.abs(renewed - log.truth.wear_times), initial=0.0) < 1e-6
     np.testing.assert_allclose(solution.x[:6], unknowns.start[unknowns.free], atol=1e-4)
 
 

@@ -16,7 +16,7 @@ from tests.support import oracle
 from tests.support import shooting_case as case
 
 # Fine enough that the steps of the shooting err by far less than what is claimed.
-GRID = Grid(slip=64, worn=64, steps=8)
+GRID = Grid(slip=64, renewed=64, steps=8)
 ON_TIME = 2e-9  # s
 KINDS = {"onsets": "onset", "wear_times": "wear", "arrests": "arrest"}
 EVENTS_MOVE = 1e-5  # s, in a difference: a slip begins within milliseconds
@@ -27,8 +27,8 @@ CLAIMED = 1e-6  # of the largest derivative
 MOMENT, IN_MOMENT, OF_ARREST = 2e-3, 1e-4, 2e-5
 # Pair, log, whether slips wear the contact off, and what is claimed of arrests and of samples in that moment.
 CASES = {
-    "worn in each slip": (case.PAIR, SLOW, True, CLAIMED, CLAIMED),
-    "never worn": (case.PAIR | {"D": 200e-6}, SLOW, False, CLAIMED, CLAIMED),
+    "renewed in each slip": (case.PAIR, SLOW, True, CLAIMED, CLAIMED),
+    "never renewed": (case.PAIR | {"D": 200e-6}, SLOW, False, CLAIMED, CLAIMED),
     "fast, ageing slowly": (case.PAIR | {"t_cr": 4.0}, FAST, True, CLAIMED, CLAIMED),
     "fast, ageing again before arrest": (case.PAIR, FAST, True, CLAIMED, CLAIMED),
     "fast, ageing fast before arrest": (
@@ -93,7 +93,7 @@ def _differences(unknowns, index, log, wanted, h):
 
 @pytest.mark.parametrize("kind", CASES)
 def test_derivatives_through_every_switch_are_those_of_the_integrator(kind):
-    pair, log, worn, of_arrests, in_moment = CASES[kind]
+    pair, log, renewed, of_arrests, in_moment = CASES[kind]
     problem, x, follows, trajectory = _solved_once(kind)
     moved = _moved(problem, x, follows)
     layout, place = problem.layout, problem.layout.places[0]
@@ -102,7 +102,7 @@ def test_derivatives_through_every_switch_are_those_of_the_integrator(kind):
     slopes = sample_moves(problem, x / layout.scale, moved)[0] / data.weight[:, None]
     switches = {name: place.until[trajectory.ending(end)] for name, end in KINDS.items()}
     assert switches["onsets"].size >= 2
-    assert bool(switches["wear_times"].size) == worn
+    assert bool(switches["wear_times"].size) == renewed
     count = sum(which.size for which in switches.values())
 
     def wanted(truth):

@@ -178,14 +178,14 @@ class Equations:
         speed = self.drive(v0, t)
         force, give = self.rig(s, v, speed)
         stretching = speed - v + (v0 * self.loading() if resting else 0.0)
-        gamma = 0.0 if mode == "worn" else s[GAMMA]
+        gamma = 0.0 if mode == "renewed" else s[GAMMA]
         acceleration = 0.0
         if not resting:
             braking = self.friction(s, way * v, load, t, self.share(gamma, False))
             acceleration = (force - way * braking) / self.p.mass
         first = (force - s[LAG1]) / self.p.lag_time if "sensor_lag" in self.on else 0.0
         second = (s[LAG1] - s[LAG2]) / self.p.second_lag_time if "sensor_second_lag" in self.on else 0.0
-        aged = 0.0 if mode == "worn" else self.ageing(gamma, way * v, t)
+        aged = 0.0 if mode == "renewed" else self.ageing(gamma, way * v, t)
         return [stretching, acceleration, aged, give, first, second, v, self.shown(s, force)]
 
     def spare(self, s: Sequence[float], way: int, v0: float, load: float, t: float) -> float:
@@ -284,7 +284,7 @@ def simulate(
             equations.stick += 1
         elif cause == "empty":
             s[GAMMA] = 0.0
-            mode = "worn"
+            mode = "renewed"
         elif cause == "kink":
             equations.fast = not equations.fast
         elif cause == "refill":
@@ -333,7 +333,7 @@ def _piece(
     table: dict[str, list[tuple[str, Callable[[float, Array], float]]]] = {
         "stick": [("onset", spare(1)), ("onset", spare(-1))],
         "slip": [("arrest", stopped), *([("empty", emptied)] if ages else []), *bent],
-        "worn": [("arrest", stopped), ("refill", refilled), *bent],
+        "renewed": [("arrest", stopped), ("refill", refilled), *bent],
     }
     events = []
     for _, event in table[mode]:

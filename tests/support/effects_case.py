@@ -27,7 +27,7 @@ SIZES = {"m": 3e-4, "m/s": 2e-2, "N": 0.7, "": 0.6}
 # Functions of (x, p, u) and the unit of their result; "state" and "rate": that of each state, that per second.
 OF_STATE = {
     "slip": "rate",
-    "worn": "rate",
+    "renewed": "rate",
     "driving_force": "N",
     "grip": "N",
     "load": "N",

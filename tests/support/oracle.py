@@ -56,7 +56,7 @@ class Piece:
 
     start: float
     length: float
-    mode: str  # "stick", "slip" or "worn"
+    mode: str  # "stick", "slip" or "renewed"
     direction: int
     drive: float
     load: tuple[float, float]  # normal force [N] at the start, its rate [N/s]
@@ -237,7 +237,7 @@ def simulate(
     directions: list[int] = []
     state, mode, s = initial, "stick" if initial[1] == 0.0 else "slip", 1 if initial[1] >= 0.0 else -1
     if state[2] <= 0.0 and s * state[1] > law.D / law.t_cr:
-        mode = "worn"
+        mode = "renewed"
     breaks = _breaks(duration, speeds, loads)
     for begin, end in pairwise(breaks):
         speed = [v for t, v in speeds if t <= begin][-1]
@@ -266,7 +266,7 @@ def simulate(
             elif ended == "switch":
                 if mode == "slip":
                     events["wear"].append((now, (state[0], state[1], 0.0)))
-                mode, state = "worn" if mode == "slip" else "slip", (state[0], state[1], 0.0)
+                mode, state = "renewed" if mode == "slip" else "slip", (state[0], state[1], 0.0)
     return Oracle(
         alike,
         tuple(pieces),
