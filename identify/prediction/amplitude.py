@@ -1,4 +1,4 @@
-"""One slip in closed form: linearised kinetic friction, contact fully renewed (eqs. 10-18; docs/equations.md, section 4).
+"""One slip in closed form: linearised kinetic friction, a renewed contact (eqs. 10-18; docs/equations.md, section 4).
 
 Dimensionless elongation xi(tau), tau = omega_n t, from the onset of slip:
 xi'' + 2 alpha xi' + (xi - xi_o) = 0, xi(0) - xi_o = A (the overshoot), xi'(0) = 1 (mass at rest).
