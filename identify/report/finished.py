@@ -200,7 +200,7 @@ class Fit:
                 label = f"{quantity_text(log.drive_speed, 'm/s')}"
                 on.plot(way[shown], (log.friction_force / log.normal_force)[shown], linewidth=0.8, label=label)
             on.set(xlabel="way of the drive (mm)", ylabel="friction / normal force")
-            on.legend(loc="lower right", ncols=len(curves), bbox_to_anchor=(1.0, 1.0))
+            on.legend(loc="lower right", ncols=3, handlelength=1.2, bbox_to_anchor=(1.0, 1.0))
         return on
 
     def plot_residuals(self, log: int = 1, axes: Axes | None = None) -> Axes:

@@ -26,7 +26,7 @@ def test_an_effect_that_is_off_is_counted_as_not_there(effect, monkeypatch):
     others = tuple(e for e in ALL if e is not effect)
     monkeypatch.setattr(identify.model.model, "ALL", others)
     monkeypatch.setattr(identify.model.model, "NAMES", tuple(e.name for e in others))
-    gone = assemble.__wrapped__(less)
+    gone = identify.model.model._assembled.__wrapped__(less, "drive")
     assert gone.states == off.states and gone.parameters == off.parameters
     for name in run_effect_table.COUNTED:
         assert getattr(gone, name).n_instructions() == getattr(off, name).n_instructions()
