@@ -62,10 +62,6 @@ class PageQuery:
         """Numbers by name."""
         return self.read(key, lambda values: {str(name): float(v) for name, v in (values or {}).items()})
 
-    def listed(self, key: str) -> list[Any]:
-        """A list; empty where nothing was sent."""
-        return self.read(key, lambda values: [*(values or ())])
-
 
 @dataclass(frozen=True)
 class Folder:

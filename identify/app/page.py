@@ -135,11 +135,11 @@ class Page:
         """Put a text, some fields, or logs into the draft of a scene."""
         name, text = asked.text("path"), asked.values.get("text")
         text = text if isinstance(text, str) else self.scenes.text(name)
-        for change in asked.listed("changes"):
+        for change in asked.read("changes", list, ()):
             if not isinstance(change, dict) or not isinstance(change.get("keys"), list):
                 raise PageError("a change of a scene has keys and a value; load the page again")
             text = edited(text, change["keys"], change.get("value"))
-        for log in asked.listed("logs"):
+        for log in asked.read("logs", list, ()):
             self.folder.file(log)
             text = with_log(text, log)
         return self.scenes.keep(name, text)

@@ -71,14 +71,7 @@ def fit_seen(folder: Folder, name: str) -> Document:
     place, fit = folder.path(name), fit_of(folder, name)
     result, document, uneven = fit.typed, fit.result, None
     if is_uneven(result):
-        cycles = [{key: log[key] for key in ("log", "rest_s", "strength")} for log in document["uneven_cycles"]]
-        uneven = {
-            "headline": headline(result),
-            "not_for": NOT_FOR,
-            "spread": list(distribution_lines(result)),
-            "sticks": cycles,
-            "typical": document["strength_against_rest"],
-        }
+        uneven = {"headline": headline(result), "not_for": NOT_FOR, "spread": list(distribution_lines(result))}
     columns = ("onset", "arrest", "misfit_z")
     logs = [
         {

@@ -24,6 +24,7 @@ const session = {
   folder: { folder: "", logs: [], scenes: [], rigs: [], fits: [], batches: [], jobs: [] },
   scene: "",
   missing: "", // what the scene lacks, "" where it is complete
+  name: "", // of the scene, after which the folder of its fit is called
   use(scene) {
     this.scene = scene;
     localStorage.setItem("scene", scene);
@@ -32,7 +33,8 @@ const session = {
   async look() {
     this.folder = await get("folder");
     if (!this.folder.scenes.includes(this.scene)) this.scene = this.folder.scenes[0] ?? "";
-    this.missing = this.scene ? (await get("scene", { path: this.scene }).catch((error) => ({ error: error.message }))).error : "";
+    const seen = this.scene ? await get("scene", { path: this.scene }).catch((error) => ({ error: error.message })) : { error: "" };
+    [this.missing, this.name] = [seen.error, seen.form?.name || this.scene.split("/").pop().replace(/\.toml$/, "")];
     document.getElementById("folder").textContent = this.folder.folder;
     scenes();
     steps();

@@ -1,7 +1,7 @@
 // Fits: start one, see how far it is, look into its result, hold two against each other.
 import { address, button, choice, curves, duration, element, fileAddress, get, labelled, link, plain, post, put, refill, remember, say, shownTable, style, table } from "./base.js";
 import { start, whenEnded } from "./jobs.js";
-import { line, mark, picture, shade, span, TimeView } from "./plots.js";
+import { line, mark, picture, shade, TimeView } from "./plots.js";
 
 /** The accuracies with what they cost and leave, of the last fit of this scene where it says so. */
 function accuracies(seen) {
@@ -51,19 +51,9 @@ function residualView(host, path, seen, session) {
   return () => view?.close();
 }
 
-/** Of a pair whose cycles differ: how peak, drop and period are spread, and strength over the rest before. */
-function unevenView(host, { headline, not_for, spread, sticks, typical }) {
-  const plot = element("div", { id: "strength" });
-  put(host, element("p", {}, element("strong", {}, headline), ` ${not_for}`), element("div", { class: "columns" },
-    element("div", {}, table(["", { number: "median (95 % interval)" }, { number: "nine of ten cycles" }], spread.map(([name, median, range]) => [name, { number: median }, { number: range }]), { id: "spread", class: "cards" })), plot));
-  const rests = sticks.flatMap((log) => log.rest_s), strengths = sticks.flatMap((log) => log.strength), { rest_s: at, strength, lower, upper } = typical;
-  picture(plot, { x: { label: "rest before the slip (s)", range: span(rests) }, y: { label: "strength / load", range: span([...strengths, ...strength]) }, draw: (context, x, y) => {
-    rests.forEach((rest, i) => mark(context, x(rest), y(strengths[i]), style("--force"), "circle", 3));
-    line(context, at, strength, x, y, style("--model"), { width: 2 });
-    for (const edge of [lower, upper]) line(context, at, edge, x, y, style("--model"), { dash: [6, 4], width: 1 });
-  } });
-  put(host, element("p", { class: "quiet" }, "Points: every stick; line: the typical strength after that rest, dashed its 95 % interval."));
-}
+/** Of a pair whose cycles differ: how peak, drop and period are spread; strength over rest is a picture of the report. */
+const unevenView = (host, { headline, not_for, spread }) => put(host, element("p", {}, element("strong", {}, headline), ` ${not_for}`),
+  table(["", { number: "median (95 % interval)" }, { number: "nine of ten cycles" }], spread.map(([name, median, range]) => [name, { number: median }, { number: range }]), { id: "spread", class: "cards" }));
 
 /** Intervals of all estimated parameters beside each other, as deviations from their values. */
 function relative(host, parameters, symbols) {
@@ -113,7 +103,7 @@ async function result(host, path, second, session) {
   });
   const files = seen.figures.map((name) => figure(fileAddress(`${path}/figures/${name}`), name.replace(/\.svg$/, "").replaceAll("_", " "), [["svg", fileAddress(`${path}/figures/${name}`, true)]]));
   if (shots.length) put(host, element("h3", {}, "Residuals and laws"), element("div", { class: "pictures three" }, shots));
-  if (files.length) put(host, element("details", {}, element("summary", {}, `Pictures of the report (${files.length})`), element("div", { class: "pictures" }, files)));
+  if (files.length) put(host, element("details", { open: Boolean(seen.uneven) }, element("summary", {}, `Pictures of the report (${files.length})`), element("div", { class: "pictures" }, files)));
   put(host, element("details", {}, element("summary", {}, "The whole report, here"), element("iframe", { src: fileAddress(`${path}/report.html`), title: `report of ${path}`, sandbox: "allow-scripts allow-popups", loading: "lazy" })));
   return { close, seen };
 }
@@ -121,9 +111,9 @@ async function result(host, path, second, session) {
 export async function fitView(host, asked, session) {
   const place = element("div", {}), list = element("div", {});
   const scene = session.scene, stem = scene.split("/").pop()?.replace(/\.toml$/, "") ?? "";
-  const of = session.folder.fits.find((fit) => fit.path === asked.path) ?? session.folder.fits.find((fit) => fit.path === `stickslip-${stem}`);
   const text = scene ? await get("scene", { path: scene }) : null;
   const out = element("input", { value: `stickslip-${text?.form?.name || stem}`, size: 22, "aria-label": "folder of the result" });
+  const of = [asked.path, out.value].map((path) => session.folder.fits.find((fit) => fit.path === path)).find(Boolean);
   let accuracy = choice(accuracies(), "default", () => {}, { "aria-label": "accuracy" });
   const limit = element("input", { value: text?.form?.time_limit || "60 s", size: 7, "aria-label": "time limit" });
   const more = Object.entries({ profile: "profile of every parameter", "accuracy-table": "measure every accuracy" }).map(([name, words]) => {

@@ -43,11 +43,8 @@ export function endedJobs(jobs, clear, open) {
 }
 
 /** The fit of the scene that is worked on. */
-export const fitOf = (session) => {
-  const stem = session.scene.split("/").pop().replace(/\.toml$/, "");
-  return session.folder.fits.find((fit) => fit.path.startsWith("stickslip-") && session.folder.jobs.some((job) => job.out === fit.path && job.command.includes(`--scene ${session.scene} `)))
-    ?? session.folder.fits.find((fit) => fit.path === `stickslip-${stem}`);
-};
+export const fitOf = (session) => session.folder.fits.find((fit) => fit.path.startsWith("stickslip-") && session.folder.jobs.some((job) => job.out === fit.path && job.command.includes(`--scene ${session.scene} `)))
+  ?? session.folder.fits.find((fit) => fit.path === `stickslip-${session.name}`);
 
 /** Start a job and say that it runs. */
 export async function start(session, asked) {
