@@ -78,13 +78,12 @@ def banner(result: Result) -> dict[str, object]:
     if wording.is_uneven(result):
         rests_on = message.split("; ")[0]
         kind, badge, head = "fair", "described cycle by cycle", wording.headline(result)
-        message = f"{rests_on}. {wording.NOT_FOR} {wording.DRAWN}"
+        message = f"{rests_on}. {wording.NOT_FOR}"
     elif result.converged and doubtful:
         kind = "fair"
         head += f" Not identifiable from these logs: {listed([wording.plain_symbol(n) for n in doubtful])}."
     tiles = [
-        (name, value, f"{spread} in nine of ten drawn cycles")
-        for name, value, spread in wording.distribution_lines(result)
+        (name, value, f"{spread} in nine of ten cycles") for name, value, spread in wording.distribution_lines(result)
     ]
     gate, fit = result.gate, result.fit
     if gate is not None:

@@ -105,7 +105,7 @@ def summary(result: Result, costs: bool = False) -> str:
         lines.append(wording.wrapped(meaning, "  "))
     lines.append("")
     if report_wording.is_uneven(result):
-        heads = ["", "median (95 % interval)", "nine of ten drawn cycles"]
+        heads = ["", "median (95 % interval)", "nine of ten cycles"]
         lines += [wording.columns([heads, *map(list, report_wording.distribution_lines(result))]), ""]
         lines += [wording.wrapped(report_wording.NOT_FOR, "  "), ""]
     if result.effects.chosen == "auto":

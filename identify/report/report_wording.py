@@ -105,7 +105,6 @@ def with_group(name: str, group: str) -> str:
     return name if not group or name.endswith(f"({group})") else f"{name} ({group})"
 
 
-DRAWN = "Drawn are cycles of the fitted pair, as they follow each other by chance."
 NOT_FOR = (
     "Use these numbers for this drive speed, stiffness and load only: whatever is computed from them for another is "
     "extrapolated, not supported by these records."
@@ -127,7 +126,7 @@ def headline(result: Result) -> str:
     low, high = (number(end, 2) for end in strength.ends)
     spread = f", and scatters by {100 * scatter.value:.0f} % from stick to stick" if scatter.value else ""
     peak = UnevenResult.of(result).distributions.get("static_peak")
-    at = f" above a level that drifts (static peaks {_range(peak, '')} in nine of ten drawn cycles)" if peak else ""
+    at = f" above a level that drifts (static peaks {_range(peak, '')} in nine of ten cycles)" if peak else ""
     return (
         f"Friction differs from cycle to cycle: a stick withstands {number(strength.value, 3)} ({low} to {high}) of "
         f"the load{at}{spread}."

@@ -49,9 +49,8 @@ class SlipFunctions:
     onset: (theta, rig, stick (5,): fallen [1], line [1], rest [s], usual rest [s], 1 where the rest is known) -> ONSET;
     begin: (theta, onset, rig, place (2,): log strength, fallen) -> state of the filter, and KEPT; step: (state, kept,
     rig, sample (2,): time step [s], force [1]) -> state; arrest: (state, kept, rig, end (2,): height above the next
-    line [1], that line [1]) -> log likelihood, level's change, its variance; aged: (theta, contact (3,): rest [s],
-    usual rest [s], strength left before [1]) -> usual strength after the rest, and after a long one; motion: (STATES,
-    kept, rig) -> their rates [1/s].
+    line [1], that line [1]) -> log likelihood, level's change, its variance; aged: (theta, contact (2,): rest [s],
+    usual rest [s]) -> usual strength after the rest.
     *_back: (arguments, derivatives by the result) -> derivatives by all arguments that depend on theta.
     """
 
@@ -64,22 +63,16 @@ class SlipFunctions:
     arrest: Mapped
     arrest_back: Mapped
     aged: Mapped
-    motion: Mapped
     state_size: int = N + N * (N + 1) // 2 + 1  # of the filter
 
 
 @cache
 def slip_functions() -> SlipFunctions:
     """The functions of a slip."""
-    (all_theta, theta), contact = _symbols("theta", THETA), ca.SX.sym("contact", 3)
-    rest, usual, left = ca.vertsplit(contact)
-    t_cr = ca.exp(theta["t_cr"])
-    full = ca.exp(theta["strength"]) / _regained(0.0, usual, t_cr)
-    aged = ca.Function("aged", [all_theta, contact], [ca.vertcat(full * _regained(left / full, rest, t_cr), full)])
-    (x, state), (all_kept, kept), (all_rig, rig) = _symbols("x", STATES), _symbols("kept", KEPT), _symbols("rig", RIG)
-    rates = ca.densify(ca.vertcat(*_rates(state, kept, rig).values()))
-    motion = ca.Function("motion", [x, all_kept, all_rig], [rates])
-    return SlipFunctions(*_onset(), *_begin(), *_step(), *_arrest(), Mapped(aged), Mapped(motion))
+    (all_theta, theta), contact = _symbols("theta", THETA), ca.SX.sym("contact", 2)
+    after, usual = (_regained(0.0, each, ca.exp(theta["t_cr"])) for each in ca.vertsplit(contact))
+    aged = ca.Function("aged", [all_theta, contact], [ca.exp(theta["strength"]) * after / usual])
+    return SlipFunctions(*_onset(), *_begin(), *_step(), *_arrest(), Mapped(aged))
 
 
 def chain_functions(nodes: int) -> tuple[Compiled, Compiled]:

@@ -19,7 +19,7 @@ NO_MAXIMUM = (
 CUT_SHORT = "the time limit ended the estimate of uneven records: set a longer one, or take a window of fewer cycles"
 # Parts of an answer that are left out, and named, where there is no time for them.
 DESCRIBED, COMPARED = "cycles described one by one", "records compared with each other"
-CREEP, DRAWN = "creep time", "distributions of static peak, drop and period"
+CREEP = "creep time"
 FIXED_NOT_USED = "fixed in the scene; the estimator of uneven records does not use it"
 EXTRAPOLATED = (
     "Extrapolated: not supported by these records, whatever is computed from these numbers for another drive speed, "
