@@ -361,8 +361,7 @@ def clocks_by_place(header: Header, columns: Mapping[int, FloatArray]) -> dict[i
     """Return for every column the index of the time column that stands before it; empty where one clock serves all.
 
     Clocks are the columns of one name for the time (`Time [s]`, `Time [s]`, or `X_Value`, `X_Value.1`), each followed
-    by
-    columns of another kind; time columns of different names (`Time`, `Test time`) tell the time of the same rows.
+    by columns of another kind; time columns of different names (`Time`, `Test time`) tell the time of the same rows.
     """
     first = header.roles.get("time")
     if first is None or "time" not in header.passed_over:

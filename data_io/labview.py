@@ -186,8 +186,7 @@ def read_tdms(source: Source, request: Request) -> Contents:
         from nptdms.log import log_manager
     except ImportError as error:
         raise source.error(
-            "a LabVIEW TDMS file needs the package npTDMS, which is not installed; install it with pip install "
-            '"npTDMS", '
+            "a LabVIEW TDMS file needs the package npTDMS, which is not installed; install it with pip install npTDMS, "
             "or export the file as .lvm or text"
         ) from error
     try:

@@ -319,9 +319,7 @@ def _at_rest(
 MOST_PAUSES: Final = 20
 """Gaps of a log that is taken in parts, each longer than one over this number of the rows; one with more lost rows."""
 _FEWEST_PACKETS: Final = 4
-_AS_INSIDE: Final = (
-    0.9  # quantile of the steps of the force from row to row, which those over gaps of packets are below
-)
+_AS_INSIDE: Final = 0.9  # quantile of the steps of the force from row to row: those over gaps of packets are below
 
 
 def _long_gaps(time: FloatArray) -> npt.NDArray[np.intp]:
