@@ -147,8 +147,9 @@ def _joined(motion: Motion, bounds: list[int]) -> tuple[Piece, ...]:
         rows = slice((max(one.start, edges[-1]) + one.stop) // 2, (other.start + other.stop) // 2)
         off = np.sign(one.speed - other.speed) * (x[rows] - 0.5 * (one.speed + other.speed) * time[rows])
         edges.append(max(rows.start + int(np.argmax(off)), edges[-1] + 1))
-    ends = [*edges[1:], x.size]
-    return tuple(Piece(a, b, float(time[a]), p.speed) for p, a, b in zip(pieces, edges, ends, strict=True))
+    lasting = [(a, p.speed) for (a, b), p in zip(pairwise([*edges, x.size]), pieces, strict=True) if b - a >= _FEWEST]
+    ends = [*(a for a, _ in lasting[1:]), x.size]  # what lasts for a few rows is a change from one speed to the next
+    return tuple(Piece(a, b, float(time[a]), speed) for (a, speed), b in zip(lasting, ends, strict=True))
 
 
 def _slope(motion: Motion, start: int, stop: int) -> tuple[float, float]:

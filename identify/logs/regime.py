@@ -27,7 +27,7 @@ from identify.logs.segment import FEWEST, SLIDING, DetectedCycles, Resonance, Se
 Array = NDArray[np.float64]
 
 STRAIGHT = 0.8  # share of the usual rise that a line of the one slope explains
-UNLIKE = 0.6  # scatter of the slopes of rises over their median, from which on no elastic sticks make them
+UNLIKE = 0.2  # scatter of the slopes of rises over their median, from which on no sticks make them (measured: 0.08)
 COVERS = (0.5, 2.0)  # times a fall, that a rise makes up
 NO_FASTER, NO_SINE = 1.25, 0.9  # times as fast as a rise, a fall is no slip where the cycle is no sine either
 AS_LONG, SAWTOOTH = 2.0, 4.0  # longer than this times a fall, a rise is a stick's: log odds per logarithm beyond

@@ -218,7 +218,8 @@ def check(where: str, key: Key, value: object) -> None:
             check(where, Key(key.unit), pace)
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return
-    value = value if abs(value) <= sys.float_info.max else math.copysign(math.inf, value)  # a whole number has no end
+    if abs(value) > sys.float_info.max:  # a whole number has no end
+        value = math.inf if value > 0 else -math.inf
     shown = f"{value:g} {key.unit}".rstrip()
     least, most = SIZES.get(key.unit, (1.0 / LARGEST, LARGEST))
     if key.sign == POSITIVE and not value > 0.0:
