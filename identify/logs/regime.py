@@ -248,8 +248,8 @@ def _discriminate(shape: _Shape, phases: Segmentation, known: Known) -> tuple[bo
     if np.isfinite(shape.straight):
         evidence.append(f"lines of one slope explain {100 * max(shape.straight, 0.0):.0f} % of {shape.rises} rises")
     if np.isfinite(loads):
-        ratio = "less than 0.01" if loads < 0.01 else f"{loads:.2g}" if loads < 100.0 else "over 100"
-        evidence.append(f"they load at {ratio} times stiffness times drive speed")
+        ratio = "less than 0.01" if loads < 0.01 else f"{loads:.3g}" if loads < 100.0 else "over 100"
+        evidence.append(f"their slope is {ratio} of stiffness times drive speed")
     unlike = shape.unlike > UNLIKE or (shape.asymmetry < NO_FASTER and shape.sine < NO_SINE)
     bent = not shape.one_sine and (shape.straight < STRAIGHT or unlike)
     if shape.rises and (bent or not COVERS[0] <= shape.covers <= COVERS[1]):

@@ -52,8 +52,8 @@ def test_the_python_page_runs(tmp_path, monkeypatch):
             exec(line, space)
     found = space["found"]
     assert found.result["status"] == "converged" and "mu_s" in repr(found) and "parameters" in found._repr_html_()
-    assert len(shown) == 15 and all(value is not None for value in shown)
-    assert [len(value) > 0 for value in shown if isinstance(value, pd.DataFrame)] == [True] * 4
+    assert len(shown) == 18 and all(value is not None for value in shown)
+    assert [len(value) > 0 for value in shown if isinstance(value, pd.DataFrame)] == [True] * 5
 
 
 def run_cell(source, space):

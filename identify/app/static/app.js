@@ -11,7 +11,7 @@ import { studyView } from "./study.js";
 import { benchView } from "./bench.js";
 
 const VIEWS = {
-  logs: ["Logs", logsView], log: ["Check a log", logView], scene: ["Rig and scene", sceneView], try: ["Try values", tryView],
+  logs: ["Logs", logsView], log: ["Check a log", logView], scene: ["Rig and scene", sceneView], try: ["Simulate", tryView],
   fit: ["Fit", fitView], map: ["Map", mapView], study: ["Compare", studyView],
   rig: ["Measure the rig", (host, asked, session) => benchView(host, "rig", session)], plan: ["Plan", (host, asked, session) => benchView(host, "plan", session)],
 };

@@ -6,7 +6,7 @@ const HAIR = 1 / (devicePixelRatio || 1); // thicker lines of thousands of point
 
 /** A button that keeps what is drawn on these canvases, one below the other, as a PNG. */
 function keep(name, canvases) {
-  return button("keep as PNG", (event) => {
+  return button("save as PNG", (event) => {
     event.stopPropagation();
     const all = canvases(), sheet = element("canvas", { width: Math.max(...all.map((one) => one.width)), height: all.reduce((sum, one) => sum + one.height, 0) }), context = sheet.getContext("2d");
     context.fillStyle = style("--paper");

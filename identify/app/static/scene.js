@@ -95,7 +95,7 @@ export async function sceneView(host, asked, session) {
     if (Boolean(seen.error) !== Boolean(session.missing)) session.look(); // the next step is another one
     state.dataset.saved = seen.saved ? "yes" : "no";
     refill(state, button("save", async () => { show(await post("save", { path })); say(""); }, { class: "main", disabled: seen.saved }),
-      element("span", { class: "quiet" }, seen.saved ? "saved" : "changed; kept as a draft, saved when you fit"), seen.error ? "" : element("span", {}, "Complete: ", link("check the logs", "log"), ", ", link("try values", "try"), " or ", link("fit", "fit"), "."));
+      element("span", { class: "quiet" }, seen.saved ? "saved" : "changed; kept as a draft, saved when you fit"), seen.error ? "" : element("span", {}, "Complete: ", link("check the logs", "log"), ", ", link("simulate", "try"), " or ", link("fit", "fit"), "."));
     text.setAttribute("aria-invalid", String(Boolean(seen.error)));
     if (seen.form) {
       const { rig, rig_file: file, time_limit: limit } = seen.form;

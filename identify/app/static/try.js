@@ -1,4 +1,4 @@
-// Try values: sliders over the parameters, the simulated force over the measured one, and what the model does beneath.
+// Simulate: sliders over the parameters, the simulated force over the measured one, and what the model does beneath.
 import { button, choice, command, element, get, labelled, link, newestWins, plain, post, quantity, remember, say, shownIn, style, put } from "./base.js";
 import { line, picture, span } from "./plots.js";
 
@@ -69,7 +69,7 @@ export async function tryView(host, asked, session) {
   const logs = seen.form.logs.map((log, i) => [String(i), `${i + 1}: ${log.path}`]);
   const amount = (label, value, change, low = 0) => labelled(label, element("input", { type: "number", min: low, max: 999, value: String(value), size: 4, "aria-label": label, onchange: (event) => { change(Number(event.target.value)); note(); simulate(); } }));
   const box = element("input", { type: "checkbox", onchange: () => { sliders.forEach((one) => one.narrow(box.checked)); simulate(); } });
-  put(host, element("h2", {}, `Try values: ${path}`),
+  put(host, element("h2", {}, `Simulate: ${path}`),
     element("div", { class: "bar" }, labelled("log", choice(logs, String(number), (to) => { number = Number(to); note(); simulate(); })), amount("from cycle", first + 1, (to) => { first = to - 1; }, 1), amount("cycles", count, (to) => { count = to; }, 1),
       button("start from the data", async () => {
         say("estimating from the mean cycle of each log …");
