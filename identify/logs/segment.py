@@ -543,7 +543,7 @@ def _at_jumps(cycles: DetectedCycles, time: Array, force: Array) -> DetectedCycl
     rows, before = [], 0
     for i, fall in enumerate(cycles.fall.tolist()):
         following = float(cycles.onset[i + 1]) if i + 1 < cycles.count else float(time[-1])
-        end = min(fall + 2.0 * float(cycles.arrest[i] - cycles.onset[i]), 0.5 * (fall + following))
+        end = min(fall + 2.0 * float(cycles.arrest[i] - cycles.onset[i]), following)
         middle, last = np.searchsorted(time, [fall, max(end, float(cycles.arrest[i]))]).tolist()
         jump = middle + int(np.argmax(force[middle:last] - force[middle + 1 : last + 1]))
         width = max((jump - middle) // 8, 1) | 1
