@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from data_io import Record, Step
 from data_io.quality import percent
 from data_io.record import WINDOW_START
-from identify.base.document import to_dict, to_document
+from identify.base.document import finite, to_dict, to_document
 from identify.base.result import ClassicalTable
 from identify.base.wording import DASH, columns, number, programme_text, quantity, wrapped
 from identify.logs.classical import table_of
@@ -22,6 +22,11 @@ from identify.logs.regime import SURE, Known, LogRegime, Regime, joined, look, o
 from identify.logs.segment import SLIDING, SLIP, STICK, Segmentation, jumps, sensor_place
 from identify.report.report_tables import stroke_table, with_sd
 
+REPLICATED = (
+    "first_breakaway_coefficient", "static_peak_coefficient", "kinetic_mean_coefficient", "sliding_mean_coefficient",
+    "static_over_kinetic", "stick_slip_index", "drop_N", "frequency_Hz", "jump_length_m",
+)  # fmt: skip
+ALIKE = 0.05  # by which the loads of replicates differ
 MOST_STROKES = 2  # fit beside each other in 80 columns
 LONGEST_NAME = 24  # of a log in the table of all, which is to fit in 80 columns
 THUMBNAIL = 60  # stretches of the thumbnail of a log
@@ -223,6 +228,31 @@ def overview(logs: Sequence[tuple[str, Inspection | None]]) -> str:
         word = DASH if regime is None else regime.value.replace("_", " ")
         rows.append([name, f"{rate:.4g} Hz", driven, word, str(count), verdict.removeprefix("accept with ")])
     return columns(rows)
+
+
+def replicates(logs: Sequence[Inspection]) -> dict[str, tuple[float, float]]:
+    """Mean and standard deviation over logs of the figures that all have; none of logs that are no replicates: of
+    several strokes, of other drive speeds, or of loads that differ by more than a twentieth."""
+    rows = [seen.classical.rows[0] for seen in logs if len(seen.classical.rows) == 1]
+    speeds, loads = ([finite(row.get(key)) for row in rows] for key in ("drive_speed_m_per_s", "normal_force_N"))
+    pressed = [load for load in loads if load is not None and load > 0.0]
+    if len(pressed) < max(len(logs), 2) or len(set(speeds)) > 1 or max(pressed) > (1.0 + ALIKE) * min(pressed):
+        return {}
+    out = {}
+    for key in REPLICATED:
+        values = [value for row in rows if (value := finite(row.get(key))) is not None]
+        if len(values) == len(rows):
+            out[key] = float(np.mean(values)), float(np.std(values, ddof=1))
+    return out
+
+
+def replicate_lines(figures: Mapping[str, tuple[float, float]], count: int) -> str:
+    """The same as a table."""
+    row = dict[str, float]()
+    for key, (mean, sd) in figures.items():
+        head, _, unit = key.rpartition("_") if key.endswith(("_N", "_Hz", "_m")) else (key, "", "")
+        row |= {key: mean, f"{head}_sd{'_' if unit else ''}{unit}": sd}
+    return stroke_table([(f"mean ± sd of {count} logs", row)], "replicates").to_text()
 
 
 def document(seen: Inspection) -> dict[str, object]:

@@ -12,7 +12,18 @@ from data_io.atomic import atomic_write
 from identify.base.progress import to_nobody
 from identify.cli.arguments import MEASURED, log_options, new_file, picture, read
 from identify.cli.common import Answer, CommandLineError, Exit, Terminal
-from identify.cli.inspection import Inspection, StatedRig, document, draw, inspection, lines, only, overview
+from identify.cli.inspection import (
+    Inspection,
+    StatedRig,
+    document,
+    draw,
+    inspection,
+    lines,
+    only,
+    overview,
+    replicate_lines,
+    replicates,
+)
 from identify.logs.draft import DraftLog, draft
 from identify.report.stored_result import plain
 from identify.scene.tables import quantity
@@ -49,12 +60,16 @@ def inspect(arguments: Namespace, terminal: Terminal) -> Answer:
         logs.append(document(seen))
     if len(inspections) > 1:
         terminal.say(overview(inspections))
+    repeated = replicates([seen for _, seen in inspections if seen is not None])
+    if repeated:
+        terminal.say(f"\n{replicate_lines(repeated, len(inspections) - len(unread))}")
     if plot and (drawn := [seen for _, seen in inspections if seen is not None]):
         terminal.say(f"plot: {', '.join(map(str, draw(drawn, plot)))}")
     if unread:
         message = f"{len(unread)} of {len(inspections)} logs cannot be read; {unread[0]}"
         return Answer(Exit.WRONG_INPUT, plain({"schema": 1, "status": "error", "message": message, "logs": logs}))
-    return Answer(document={"status": "done", "logs": logs})
+    figures = {key: {"mean": mean, "sd": sd} for key, (mean, sd) in repeated.items()}
+    return Answer(document={"status": "done", "logs": logs, **({"replicates": figures} if figures else {})})
 
 
 def scene(arguments: Namespace, terminal: Terminal) -> Answer:

@@ -36,6 +36,11 @@ DEFINITIONS: Mapping[str, str] = {
     "static_rest_s": "median over the same slips of the time from the valley before to the peak: a static coefficient "
     "is that of a rest so long",
     "sliding_mean_coefficient": "mean over the samples that slide without stick-slip",
+    "static_over_kinetic": "static peak coefficient over kinetic mean coefficient",
+    "stick_slip_index": "mean force peak less mean valley of the slips, over twice the mean force from the first "
+    "breakaway on: (max - min) / (2 mean)",
+    "slips_per_mm": "slips per millimetre of travel of the drive",
+    "jump_length_m": "drop over stiffness: that of the rig where it is given, else that of the sticks",
     "drop_N": "mean over slips of force peak minus following valley, the first breakaway apart where others follow",
     "stick_slope_N_per_s": "median over sticks of the slope of the straight middle of the force rise",
     "stick_stiffness_N_per_m": "stick slope over drive speed: machine, holder and contact in series",
@@ -117,6 +122,9 @@ def _row(part: _Part, stroke: Stroke, verdict: Verdict, stiffness: float | None)
     if rubs and (first := float(np.mean(coefficient[:tenth]))) > 0.0:
         trend = 100.0 * (float(np.mean(coefficient[-tenth:])) / first - 1.0)
     few = f"{phases.count} slip(s) are too few" if phases.count else "no slip"
+    coefficients = _coefficients(part)
+    static, kinetic = (coefficients[f"{name}_coefficient"][0] for name in ("static_peak", "kinetic_mean"))
+    force, spring = (float(kinetic) * mean if kinetic else 0.0), stiffness or measured
     no_stick = "no stick slope" if speed else "the drive speed is unknown or zero"
     no_rhythm = "no spectral line above the noise of steady sliding"
     out: Figures = {
@@ -131,7 +139,11 @@ def _row(part: _Part, stroke: Stroke, verdict: Verdict, stiffness: float | None)
         "cycles": (phases.count, ""),
         "normal_force_N": (mean if np.isfinite(part.load).any() else None, "no sample"),
         "normal_force_drift_percent": (100.0 * drift if mean > 0.0 else None, "nothing presses"),
-        **_coefficients(part),
+        **coefficients,
+        "static_over_kinetic": (float(static) / float(kinetic) if static and kinetic else None, few),
+        "stick_slip_index": (drop[0] / (2.0 * force) if drop and force > 0.0 else None, few),
+        "slips_per_mm": (1e-3 / (period[0] * speed) if period and period[0] > 0.0 and speed else None, few),
+        "jump_length_m": (drop[0] / spring if drop and spring else None, few if spring else no_stick),
         "drop_N": (drop[0] if drop else None, few),
         "drop_sd_N": (drop[1] if drop and phases.count > 1 else None, few),
         "frequency_Hz": (1.0 / period[0] if period and period[0] > 0 else None, few),

@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import lru_cache
-from itertools import pairwise
+from itertools import pairwise, permutations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,6 +60,7 @@ SAME_SPEED = 1.05  # ratio below which two drive speeds are one
 ALL = "all"  # of the covariances by errors, the one of all together
 RIG_ERROR = 0.01  # what a rig quantity without a stated tolerance is tried with
 UNFOLLOWED = 0.02  # of a record: an end that is left out and worth a note
+STATED_REST = 15.0  # [s] before the static coefficient of ISO 8295
 VALIDITY = "creep velocity D/t_cr (eq. 2): the contact stays fresh while it slides faster"
 NOTABLE = 1.05  # by which factor correlated noise must widen an interval to be worth a note
 
@@ -117,7 +118,7 @@ def result_of(
     if converged and findings.attempt is not None:
         result = replace(result, rig_sensitivity=_rig_sensitivity(scene, findings), tolerances=tolerances)
         parameters = _published(result.parameters, findings, shares, errors)
-        result = replace(result, parameters=parameters, derived=_creep_velocities(parameters, result.correlation))
+        result = replace(result, parameters=parameters, derived=derived_quantities(parameters, result.correlation))
         return _with_depth(result, findings.sure, findings.unknowns, base) if findings.sure else result
     if converged:
         return result
@@ -425,29 +426,62 @@ def _published(
     return out
 
 
-def _creep_velocities(
+def _creep_velocity(length: float, time: float) -> tuple[float, tuple[float, ...]]:
+    """D/t_cr, and the slopes of its logarithm."""
+    return length / time, (1.0 / length, -1.0 / time)
+
+
+def _static_after_rest(static: float, kinetic: float, time: float) -> tuple[float, tuple[float, ...]]:
+    """Static coefficient of a contact that was fresh STATED_REST before (eqs. 3 and 5), and its slopes."""
+    left = math.exp(-STATED_REST / time)
+    return static - (static - kinetic) * left, (1.0 - left, left, -(static - kinetic) * left * STATED_REST / time**2)
+
+
+DERIVED = (
+    ("v_cr", "m/s", ("D", "t_cr"), _creep_velocity, VALIDITY),
+    (
+        "static_15s",
+        "",
+        ("mu_s", "mu_k0", "t_cr"),
+        _static_after_rest,
+        f"after a rest of {STATED_REST:g} s, as ISO 8295",
+    ),
+)
+"""What follows from parameters alone: name, unit, parameters, value with slopes (of v_cr its logarithm), validity."""
+
+
+def derived_quantities(
     parameters: Mapping[str, ParameterResult], known: schema.Correlation | None
 ) -> dict[str, schema.Number]:
-    """ "v_cr" of the first group and "v_cr (V08)" of the others; empty without D and t_cr."""
+    """DERIVED of the first group, and as "v_cr (V08)" of the others; those of which a parameter has no value absent."""
     keys = {(entry.parameter or name, entry.group): name for name, entry in parameters.items()}
+    names = known.names if known is not None else ()
     out: dict[str, schema.Number] = {}
-    for group in dict.fromkeys(g for name, g in keys if name in ("D", "t_cr") and g) or ("",):
-        pair = [keys.get((name, group)) or keys.get((name, ""), "") for name in ("D", "t_cr")]
-        length, time = (parameters.get(key) or ParameterResult() for key in pair)
-        if not length.value or not time.value:
-            continue
-        value, reason = length.value / time.value, ""
-        interval: schema.Interval = (None, None)
-        if any(e.standard_error is None and e.verdict != "fixed" for e in (length, time)):
-            reason = "interval open: these data do not determine D or t_cr"
-        else:
-            names = known.names if known is not None else ()
-            rho = known.matrix[names.index(pair[0])][names.index(pair[1])] if known and set(pair) <= set(names) else 0.0
-            first, second = ((e.standard_error or 0.0) / (e.value or 1.0) for e in (length, time))
-            half = NORMAL * math.sqrt(first**2 + second**2 - 2.0 * (rho or 0.0) * first * second)
-            interval = value * math.exp(-half), value * math.exp(half)
-        key = f"v_cr ({group})" if out else "v_cr"
-        out[key] = schema.Number(value, "m/s", interval, VALIDITY, reason, group=group)
+    for title, unit, wanted, law, validity in DERIVED:
+        for group in dict.fromkeys(g for name, g in keys if name in wanted and g) or ("",):
+            of = [keys.get((name, group)) or keys.get((name, ""), "") for name in wanted]
+            entries = [parameters.get(key) or ParameterResult() for key in of]
+            values = [entry.value for entry in entries if entry.value]
+            if len(values) < len(of):
+                continue
+            value, slopes = law(*values)
+            interval: schema.Interval = (None, None)
+            reason = ""
+            if any(e.standard_error is None and e.verdict != "fixed" for e in entries):
+                reason = f"interval open: these data do not determine {' or '.join(wanted)}"
+            else:
+                errors = np.array([s * (e.standard_error or 0.0) for s, e in zip(slopes, entries, strict=True)])
+                rho = np.eye(len(of))
+                for (i, one), (j, other) in permutations(enumerate(of), 2):
+                    if known is not None and one in names and other in names:
+                        rho[i, j] = known.matrix[names.index(one)][names.index(other)] or 0.0
+                half = NORMAL * math.sqrt(max(float(errors @ rho @ errors), 0.0))
+                by_logarithm = law is _creep_velocity
+                interval = (
+                    (value * math.exp(-half), value * math.exp(half)) if by_logarithm else (value - half, value + half)
+                )
+            key = f"{title} ({group})" if title in out else title
+            out[key] = schema.Number(value, unit, interval, validity, reason, group=group)
     return out
 
 

@@ -8,6 +8,7 @@ import pytest
 from data_io import Record
 from data_io.record import Step
 from identify.base.document import to_document
+from identify.cli.inspection import StatedRig, inspection, replicates
 from identify.logs.classical import DEFINITIONS, table_of
 from identify.logs.recorded_drive import strokes
 from identify.logs.regime import Known, look
@@ -141,3 +142,25 @@ def test_sign_in_the_file_changes_the_direction_only():
     other = only_row(table(mirrored, 1e-3))
     assert (row.pop("direction"), other.pop("direction")) == (1, -1)
     assert row == pytest.approx(other)
+
+
+def test_figures_of_standards_follow_from_their_definitions():
+    record = saw_tooth(noise=0.0)
+    row = only_row(table(record, 1e-3))
+    mean = float(np.mean(record.friction_force[800:]))
+    assert row["stick_slip_index"] == pytest.approx(0.4 / (2.0 * mean), rel=0.01)
+    assert row["static_over_kinetic"] == pytest.approx(0.6 / (mean / 2.0), rel=0.01)
+    assert row["slips_per_mm"] == pytest.approx(1 / 0.408, rel=0.01)
+    assert row["jump_length_m"] == pytest.approx(0.4 / 1000.0, rel=0.01)
+    assert only_row(table(record, None))["slips_per_mm"] is None
+
+
+def test_replicates_have_a_mean_and_a_standard_deviation():
+    levels = np.array([0.58, 0.6, 0.61, 0.59, 0.62])
+    logs = [
+        inspection(f"{i}.csv", saw_tooth(high=high, seed=i), StatedRig(1000.0, 1e-3)) for i, high in enumerate(levels)
+    ]
+    mean, sd = replicates(logs)["static_peak_coefficient"]
+    assert mean == pytest.approx(levels.mean(), abs=0.004) and sd == pytest.approx(levels.std(ddof=1), abs=0.003)
+    other = inspection("slow.csv", saw_tooth(), StatedRig(1000.0, 2e-3))
+    assert not replicates([*logs, other]) and not replicates(logs[:1])
