@@ -19,14 +19,13 @@ from identify.model.model import ELONGATION, SPEED, Model
 from identify.model.modes import GUARDS, sliding_modes
 from identify.prediction.orbit import (
     CREEP,
-    DOUBLINGS,
     Cycle,
     bounds_at_rest,
     load_slopes,
     rested,
     slide_limits,
 )
-from identify.simulation.phases import FIRST, FLOOR, ROUNDING
+from identify.simulation.phases import FIRST, FLOOR, ROUNDING, rest_row, sticks
 from identify.simulation.sliding import growth_rates
 from identify.simulation.stepper import DIPS, MODES, N_GUARDS, SHORTEST, BurstState, Stop, burst, event_functions, rate
 from identify.simulation.steppers import HIGH
@@ -39,9 +38,7 @@ ACCURACY = 1e-6  # relative tolerance of a step: a hundredth of it, and less, is
 BURSTS = 200  # of trials in one slip at most; it takes two as a rule
 RENEWED = 0.01  # of the saturation: of a contact that is almost renewed
 ALMOST = 1.0 - 1e-6  # of the elongation at which a contact breaks loose
-NEWTON_STEPS = 60  # towards the end of a stick
 FREED = 1e-13  # of normal force / stiffness: frees a mass that only the rounding of the forces holds
-SCAN = np.geomspace(1e-6, 1.0, 33)  # of a stick: where the margin is looked at if it need not be concave
 PLAIN = (3, 1, 2, 4, 8, 16)  # cycles before each search for the orbit by Newton's method
 DRIFTING = 10  # cycles at the end of these: a motion that still drifts one way lingers, as just beyond an end
 CLOSED = 1e-6  # of the closure of a cycle, in units of normal force / stiffness
@@ -55,18 +52,6 @@ DENSE = 0.3  # natural times sqrt(m/k): longest step where extremes are sought b
 def _events(model: Model) -> list[Mapped]:
     """Event functions by mode."""
     return [Mapped(event_functions(model, mode)) for mode in MODES[: len(sliding_modes(model.clamped is not None))]]
-
-
-@lru_cache(maxsize=16)
-def _rests(model: Model) -> Mapped:
-    """Of a stick, by (x, w, t): breakaway margin [N], its slope, force of the drive [N], the state (n_x,)."""
-    x, w, t = (ca.SX.sym(name, n) for name, n in (("x", len(model.states)), ("w", len(model.parameters) + 2), ("t", 1)))
-    p, u = w[:-2], ca.vertcat(w[-1], w[-2], 1, 0)
-    state = model.rest(x, p, u, t)
-    force = model.driving_force(state, p, u)
-    margin = model.grip(state, p, u) - ca.fabs(force)
-    row = ca.vertcat(margin, ca.jacobian(margin, t), force, state)
-    return Mapped(ca.Function("rests", [x, w, t], [ca.cse(ca.densify(row))]))
 
 
 @lru_cache(maxsize=16)
@@ -173,6 +158,15 @@ class CycleBatch:
     def _column(self, name: str) -> Array:
         return self.settings[:, self.model.parameter_names.index(name)]
 
+    @property
+    def _inputs(self) -> Array:
+        one = np.ones(len(self.settings))
+        return np.stack([self.settings[:, -1], self.settings[:, -2], one, 0.0 * one], axis=1)
+
+    def _at_rest(self, x: Array) -> Array:
+        """Rows of `rest_row` of masses that have just come to rest in x (n, n_x)."""
+        return rest_row(self.model)([x, self.settings[:, :-2], self._inputs, np.zeros(len(x))])[0]
+
     def rested(self) -> Array:
         """Rest states (n, n_y) with the spring unloaded and every state saturated: the strongest first kick."""
         return np.tile(rested(self.model), (len(self.settings), 1))
@@ -180,12 +174,12 @@ class CycleBatch:
     def renewed(self) -> Array:
         """Rest states (n, n_y) of contacts that are almost renewed, the spring about to break them loose; rested ones
         where nothing ages."""
-        x, none = np.insert(self.rested(), SPEED, 0.0, axis=1), np.zeros(len(self.settings))
-        if self.model.clamped is not None and none.size:
+        x = np.insert(self.rested(), SPEED, 0.0, axis=1)
+        if self.model.clamped is not None and len(x):
             x[:, self.model.clamped] = RENEWED
-            slack = _rests(self.model)([x, self.settings, none])[0]
+            slack = self._at_rest(x)
             x[:, ELONGATION] = self.scale[:, ELONGATION]
-            stretched = _rests(self.model)([x, self.settings, none])[0]
+            stretched = self._at_rest(x)
             x[:, ELONGATION] *= ALMOST * slack[:, 0] / (stretched - slack)[:, 2]
         return np.delete(x, SPEED, 1)
 
@@ -194,38 +188,10 @@ class CycleBatch:
     def run(self, y: Array, *, nodes: bool = False) -> CycleRows:
         """The cycles that start at rest in y (n, n_y); with `nodes` short steps are taken, and kept."""
         start = np.insert(np.clip(y, *bounds_at_rest(self.model)), SPEED, 0.0, axis=1)
-        stick, onset, force = self._stick(start)
+        stick, onset, force = sticks(self.model, start, self.settings[:, :-2], self._inputs)
         end, slip, rests, refused, kept = self._slip(onset, force, nodes)
         rests &= slip >= CREEP * np.pi * self.time
         return CycleRows(start, onset, end, stick, slip, rests, refused, kept)
-
-    def _stick(self, start: Array) -> tuple[Array, Array, Array]:
-        """Durations (n,) of rests from states (n, n_x), the states at their ends, the force of the drive there [N]."""
-        # The first zero of the breakaway margin is bracketed, by a scan where transients may bring several.
-        w, look, low = self.settings, _rests(self.model), np.zeros(len(start))
-        strongest = np.max(w[:, :2], axis=1) * w[:, -2] + self._column("stiffness") * np.abs(start[:, ELONGATION])
-        high = 2.0 * strongest / (self._column("stiffness") * w[:, -1])
-        at_once = look([start, w, low])[0][:, 0] <= 0.0
-        for _ in range(DOUBLINGS):
-            held = look([start, w, high])[0][:, 0] > 0.0
-            if not np.any(held):
-                break
-            high = np.where(held, 2.0 * high, high)
-        if self.model.decays.numel_out(0):
-            times, rows = SCAN[:, None] * high, np.arange(high.size)
-            first = np.argmax([look([start, w, each])[0][:, 0] < 0.0 for each in times], axis=0)
-            low, high = np.where(first > 0, times[first - 1, rows], 0.0), times[first, rows]
-        t = high = np.where(at_once, 0.0, high)
-        for _ in range(NEWTON_STEPS):
-            row = look([start, w, t])[0]
-            low, high = np.where(row[:, 0] > 0.0, t, low), np.where(row[:, 0] > 0.0, high, t)
-            with np.errstate(all="ignore"):
-                newton = t - row[:, 0] / row[:, 1]
-            after = np.where((low <= newton) & (newton <= high), newton, 0.5 * (low + high))
-            if np.all(np.abs(after - t) <= 1e-14 * t):
-                break
-            t = after
-        return t, row[:, 3:], row[:, 2]
 
     def _slip(self, x: Array, force: Array, keep: bool) -> tuple[Array, Array, Bools, Bools, tuple[Node, ...]]:
         """Slips from states x (n, n_x) under forces [N]: their ends, durations, which rest, refused ones, nodes."""
@@ -290,7 +256,7 @@ class CycleBatch:
                 begin(other, np.maximum(z[other, at.control.start + 2], FIRST * self.time[other]))
             if stopped.size:
                 z[stopped, SPEED] = 0.0
-                row = _rests(self.model)([z[stopped, :n_x], self.settings[stopped], np.zeros(stopped.size)])[0]
+                row = self.take(stopped)._at_rest(z[stopped, :n_x])
                 rests[stopped] = row[:, 0] > 0.0
                 turned = stopped[~rests[stopped]]
                 modes[turned] = 0

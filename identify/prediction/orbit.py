@@ -14,7 +14,7 @@ from identify.base.errors import SimulationError
 from identify.effects import ALL
 from identify.model.model import ELONGATION, SPEED, Model, assemble
 from identify.model.modes import ModeName
-from identify.simulation.phases import Machine, Slide, node_slopes, situated_at, stepped
+from identify.simulation.phases import DOUBLINGS, Machine, Slide, node_slopes, situated_at, stepped
 from identify.simulation.plan import Plan, scales
 from identify.simulation.steppers import HIGH
 
@@ -54,7 +54,6 @@ ACCURATE = 1e-8  # relative tolerance of a step: a tenth of it, and less, is lef
 SLIDES_AFTER = 12.0  # half periods sqrt(m/k) pi without coming to rest: the mass slides
 DENSE = 0.08  # natural times sqrt(m/k): longest step, as extremes of a slip are sought between its nodes
 CREEP = 1e-6  # of a half period: a slip this short is no slip, the contact creeps along with the drive
-DOUBLINGS = 60  # of the longest stick that the spring alone allows for
 MOST_TURNS = 200  # of the direction of one slip; more is chatter
 GROWN = 25.0  # e-foldings after which a disturbance of steady sliding is taken to have come to rest
 LONGEST_PATIENCE = 100.0  # half periods

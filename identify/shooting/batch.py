@@ -160,60 +160,25 @@ def _crossing(
 
 
 @lru_cache(maxsize=16)
-def _functions(model: Model) -> tuple[Mapped, Mapped, Mapped]:
-    """(x, p, u, t) -> breakaway margin after a rest of t [s], its slope, the state; (x, p, u) -> force of the
-    sensor at rest and while sliding; (force, p, u) -> state settled there."""
+def _functions(model: Model) -> tuple[Mapped, Mapped]:
+    """(x, p, u) -> force of the sensor at rest and while sliding; (force, p, u) -> state settled there."""
     x, p, u = ca.SX.sym("x", len(model.states)), ca.SX.sym("p", len(model.parameters)), ca.SX.sym("u", len(INPUTS))
-    t = ca.SX.sym("t")
-    then = ca.vertcat(u[:TIME], u[TIME] + t)
-    rested = model.rest(x, p, then, t)
-    margin = model.grip(rested, p, then) - model.driving_force(rested, p, then)
+    force = ca.SX.sym("force")
     cells = dict.fromkeys((model.load_cell, model.sliding_cell))  # one where the sensor is at the drive
     return (
-        Mapped(ca.Function("row_margin", [x, p, u, t], [margin, ca.jacobian(margin, t), rested])),
         Mapped(ca.Function("row_force", [x, p, u], [cell(x, p, u) for cell in cells])),
-        Mapped(ca.Function("row_at_force", [t, p, u], [model.at_force(t, p, u)])),
+        Mapped(ca.Function("row_at_force", [force, p, u], [model.at_force(force, p, u)])),
     )
 
 
 def load_cell(model: Model, x: Array, p: Array, u: Array) -> Array:
     """What the force sensor shows at rest [N] (n,); x (n, n_x), p (n, n_p), u (n, 4)."""
-    return _functions(model)[1]([x, p, u])[0][:, 0]
+    return _functions(model)[0]([x, p, u])[0][:, 0]
 
 
 def at_force(model: Model, force: Array, p: Array, u: Array) -> Array:
     """States (n, n_x) in which resting rows settle at these load cell forces (n,) [N]."""
-    return _functions(model)[2]([force, p, u])[0]
-
-
-def stick(model: Model, x: Array, p: Array, u: Array) -> tuple[Array, Array]:
-    """Rest each row until the drive overcomes its static limit.
-
-    The breakaway margin falls convexly at late times, so Newton from a late time converges monotonically. No drive may
-    vibrate.
-
-    Args:
-        u: (n, 4), time at the start of the rest.
-
-    Returns:
-        stick time (n,) [s] (0 where the row is moved at once, NaN where nothing ever moves it), state at
-        the onset (n, n_x).
-    """
-    margin_after = _functions(model)[0]
-    rate = p[:, model.parameter_names.index("stiffness")] * u[:, 0]
-    x = x.copy()
-    x[:, SPEED] = 0.0
-    rested = margin_after([x, p, u, np.full(x.shape[0], 1e12)])[0][:, 0]
-    with np.errstate(all="ignore"):
-        t = (rested + rate * 1e12) / rate  # the static limit of a contact that rested for ever
-        t = np.where(np.isfinite(t), np.maximum(t, 0.0), 0.0)
-        for _ in range(40):
-            margin, slope, _state = margin_after([x, p, u, t])
-            move, last = -margin[:, 0] / slope[:, 0], t
-            t = np.maximum(np.where(np.isfinite(move), t + move, t), 0.0)
-            if np.all(np.abs(t - last) <= 1e-12 * np.maximum(last, 1e-9)):
-                break
-    return t, margin_after([x, p, u, t])[2]
+    return _functions(model)[1]([force, p, u])[0]
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -266,7 +231,7 @@ class Waves:
         n, steps = slips.h.size, slips.states.shape[0]
         flat = slips.states.transpose(1, 0, 2).reshape(n * steps, -1)
         inputs = [flat, np.repeat(p, steps, axis=0), np.repeat(u, steps, axis=0)]
-        pull, force = (_functions(model)[1](inputs)[which][:, 0].reshape(n, steps) for which in (0, -1))
+        pull, force = (_functions(model)[0](inputs)[which][:, 0].reshape(n, steps) for which in (0, -1))
         duration = np.where(rested, slips.arrest, slips.h)
         end = load_cell(model, np.nan_to_num(slips.at_arrest), p, u)
         slope = p[:, model.parameter_names.index("stiffness")] * u[:, 0]

@@ -29,7 +29,7 @@ from identify.shooting.batch import Slips, Waves
 from identify.shooting.layout import Grid
 from identify.shooting.shooting_trajectory import End, ShootingTrajectory, Stretch
 from identify.simulation.drive import NormalForce
-from identify.simulation.phases import Phase, Resting, Stick, rest
+from identify.simulation.phases import Phase, Resting, Stick, rest, sticks
 from identify.simulation.plan import Stepping
 from identify.simulation.simulate import run
 from identify.simulation.sliding import Sliding, lasting
@@ -235,7 +235,7 @@ class _Cycles:
 
     def slips(self, x: Array, per_half_period: int = PER_HALF_PERIOD) -> Slips:
         """The slip of every cycle from its arrest x (n, n_x)."""
-        at_onset = batch.stick(self.model, x, self.p, self.u)[1]
+        at_onset = sticks(self.model, x, self.p, self.u)[1]
         return batch.slip(self.model, at_onset, self.p, self.u, per_half_period)
 
 
@@ -333,7 +333,7 @@ def _begin_state(model: Model, log: LogData, p: Array, slip_times: Array) -> Arr
     onset = first - 0.5 * context.half  # a fall is half way down after a quarter of a period
     states = aged(x, clamped)
     u = np.tile([log.drive_speed, float(log.normal_force.at(onset)), 1.0, log.begin], (len(states), 1))
-    times = batch.stick(model, states, np.tile(p, (len(states), 1)), u)[0]
+    times = sticks(model, states, np.tile(p, (len(states), 1)), u)[0]
     # Where the first stick is so long that its start is forgotten, half way is as good as any.
     known = np.ptp(times) > 1e-3 * (onset - log.begin)
     return states[int(np.argmin(np.abs(times - (onset - log.begin))))] if known else x

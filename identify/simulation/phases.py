@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from identify.base.compiled import Mapped, compiled
 from identify.base.errors import SimulationError
 from identify.base.roots import first_zero
-from identify.model.model import ELONGATION, SPEED, Model
+from identify.model.model import ELONGATION, INPUTS, SPEED, TIME, Model
 from identify.model.modes import GUARDS, GuardName, ModeName, sliding_modes
 from identify.simulation.drive import Drive, NormalForce, breaks
 from identify.simulation.plan import Plan, Scales, swing
@@ -177,6 +177,60 @@ def rest(rests: Resting, x: Array, situated: Situated, start: float, limit: floa
     nodes = np.array([x, after] if until > 0.0 else [x])
     t = np.array([0.0, until][: len(nodes)])
     return Stick("stick", start, situated, t, nodes, None if onset is None else "speed", force)
+
+
+# Rests side by side, from a state, parameters and inputs of each row; no drive may vibrate.
+
+DOUBLINGS = 60  # of the longest rest that the spring alone allows for
+NEWTON_STEPS = 60  # towards the end of a rest
+SCAN = np.geomspace(1e-6, 1.0, 33)  # of a rest: where the margin is looked at if it need not be concave
+
+
+@lru_cache(maxsize=16)
+def rest_row(model: Model) -> Mapped:
+    """Of a rest, by (x, p, u at its start, t): breakaway margin [N], its slope, force of the drive [N], the state."""
+    x, p, u = ca.SX.sym("x", len(model.states)), ca.SX.sym("p", len(model.parameters)), ca.SX.sym("u", len(INPUTS))
+    t = ca.SX.sym("t")
+    then = ca.vertcat(u[:TIME], u[TIME] + t)
+    rested = model.rest(x, p, then, t)
+    force = model.driving_force(rested, p, then)
+    margin = model.grip(rested, p, then) - ca.fabs(force)
+    row = ca.vertcat(margin, ca.jacobian(margin, t), force, rested)
+    return Mapped(ca.Function("rest_row", [x, p, u, t], [ca.cse(ca.densify(row))]))
+
+
+def sticks(model: Model, x: Array, p: Array, u: Array) -> tuple[Array, Array, Array]:
+    """Durations (n,) [s] of rests from states x (n, n_x) until the static limit is overcome (0: at once; NaN: never),
+    the states there (n, n_x), the forces of the drive (n,) [N]; p (n, n_p), u (n, 4) at the start."""
+    # The first zero of the breakaway margin is bracketed, by a scan where transients may bring several.
+    x, low, stiffness = x.copy(), np.zeros(len(x)), p[:, model.parameter_names.index("stiffness")]
+    x[:, SPEED] = 0.0
+
+    def look(t: Array) -> Array:
+        return rest_row(model)([x, p, u, t])[0]
+
+    with np.errstate(all="ignore"):
+        high = 2.0 * (np.max(p[:, :2], axis=1) * u[:, 1] / stiffness + np.abs(x[:, ELONGATION])) / u[:, 0]
+        at_once = look(low)[:, 0] <= 0.0
+        for _ in range(DOUBLINGS):
+            held = look(high)[:, 0] > 0.0
+            if not np.any(held):
+                break
+            high = np.where(held, 2.0 * high, high)
+        if model.decays.numel_out(0):
+            times, rows = SCAN[:, None] * high, np.arange(high.size)
+            first = np.argmax([look(each)[:, 0] < 0.0 for each in times], axis=0)
+            low, high = np.where(first > 0, times[first - 1, rows], 0.0), times[first, rows]
+        t = high = np.where(at_once, 0.0, high)
+        for _ in range(NEWTON_STEPS):
+            row = look(t)
+            low, high = np.where(row[:, 0] > 0.0, t, low), np.where(row[:, 0] > 0.0, high, t)
+            newton = t - row[:, 0] / row[:, 1]
+            after = np.where((low <= newton) & (newton <= high), newton, 0.5 * (low + high))
+            if np.all(np.abs(after - t) <= 1e-14 * t):
+                break
+            t = after
+    return np.where(held, np.nan, t), row[:, 3:], row[:, 2]
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from identify.shooting import batch
+from identify.simulation.phases import sticks
 from tests.support import shooting_case as case
 
 PER_HALF_PERIOD = 60
@@ -18,7 +19,7 @@ def _given(n=60, seed=4):
     truth = case.PAIR | case.RIG
     p = np.array([truth[name] for name in MODEL.parameter_names]) * np.exp(0.5 * random.standard_normal((n, 9)))
     u = np.column_stack([np.exp(random.uniform(-9, -4, n)), np.full(n, 1.0), np.ones(n), np.zeros(n)])
-    time, at_onset = batch.stick(MODEL, np.column_stack([np.zeros((n, 2)), np.full(n, 0.5)]), p, u)
+    time, at_onset, _ = sticks(MODEL, np.column_stack([np.zeros((n, 2)), np.full(n, 0.5)]), p, u)
     return at_onset[np.isfinite(time)], p[np.isfinite(time)], u[np.isfinite(time)]
 
 
