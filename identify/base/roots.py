@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import numpy as np
 import scipy  # its parts load when they are first used
@@ -65,38 +65,24 @@ def first_zero(function: Function, limit: float, period: float = np.inf, below: 
     grid = _GRID * limit
     if period >= 1e3 * limit:
         return _first_in(function, grid, function(grid))
-    looked = 0
-    for low, high in ((0.0, limit),) if below is None else _fallen(below, grid, below(grid)):
-        n = max(int(np.ceil((high - low) * PER_PERIOD / period)), 2)  # a dip needs a time at either side
-        step = (high - low) / n
-        for first in range(0, n, CHUNK):  # neighbours overlap: a dip between two chunks is in one of them
-            times = np.clip(low + step * np.arange(first - 1, min(first + CHUNK, n) + 2), 0.0, limit)
-            looked += times.size
-            if looked > MAX_SCAN:
-                raise SimulationError(
-                    f"the drive vibrates more than {MAX_SCAN // PER_PERIOD} times near the onset of one slip "
-                    f"(shortest period {period:.3g} s): too many to look at; leave out that vibration or shorten "
-                    "the record"
-                )
-            zero = _first_in(function, times, function(times))
-            if zero is not None:
-                return zero
+    # Before the bound falls to zero there is nothing to be found.
+    low = 0.0 if below is None or below(grid[:1])[0] <= 0.0 else _first_in(below, grid, below(grid))
+    if low is None:
+        return None
+    n = max(int(np.ceil((limit - low) * PER_PERIOD / period)), 2)  # a dip needs a time at either side
+    step = (limit - low) / n
+    for first in range(0, n, CHUNK):  # neighbours overlap: a dip between two chunks is in one of them
+        times = np.clip(low + step * np.arange(first - 1, min(first + CHUNK, n) + 2), 0.0, limit)
+        if first > MAX_SCAN:
+            raise SimulationError(
+                f"the drive vibrates more than {MAX_SCAN // PER_PERIOD} times near the onset of one slip "
+                f"(shortest period {period:.3g} s): too many to look at; leave out that vibration or shorten "
+                "the record"
+            )
+        zero = _first_in(function, times, function(times))
+        if zero is not None:
+            return zero
     return None
-
-
-def _fallen(function: Function, t: Array, v: Array) -> Iterator[tuple[float, float]]:
-    """The stretches of a grid in which a function is not positive, or may dip to zero between the times."""
-    down = v <= 0.0
-    cells = down[:-1] | down[1:]
-    for i in _dips(v).tolist():
-        if not down[i]:
-            cells[i - 1 : i + 1] = True
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], cells, [False]]).astype(int)))
-    for first, last in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-        low, high = float(t[first]), float(t[last])
-        if v[first] > 0.0 and v[first + 1] <= 0.0 and first not in _dips(v):
-            low = _refined(function, low, float(t[first + 1]))
-        yield low, high
 
 
 def _dips(v: Array) -> NDArray[np.intp]:

@@ -121,36 +121,33 @@ def run_cycle(model: Model, y: Array, w: Array, limit: float, rtol: float = ACCU
     typical = scales(model, w[:-2], float(w[-2]))
     typical = replace(typical, longest=min(typical.longest, DENSE * typical.time))
     machine = Machine(model, w[:-2], typical, Plan(rtol, (HIGH,)))
-    try:
-        start = np.insert(np.clip(y, *bounds_at_rest(model)), SPEED, 0.0)
-        # Longer than any stick: by then the spring alone pulls with more than a limit as strong as mu_s says.
-        k = w[model.parameter_names.index("stiffness")]
-        longest = 2.0 * (float(np.max(w[:2])) * w[-2] + k * abs(start[ELONGATION])) / (k * w[-1])
-        for _ in range(DOUBLINGS):
-            stick, onset, force = machine.rests.until(start, situated_at(w), longest)
-            if stick is not None:
+    start = np.insert(np.clip(y, *bounds_at_rest(model)), SPEED, 0.0)
+    # Longer than any stick: by then the spring alone pulls with more than a limit as strong as mu_s says.
+    k = w[model.parameter_names.index("stiffness")]
+    longest = 2.0 * (float(np.max(w[:2])) * w[-2] + k * abs(start[ELONGATION])) / (k * w[-1])
+    for _ in range(DOUBLINGS):
+        stick, onset, force = machine.rests.until(start, situated_at(w), longest)
+        if stick is not None:
+            break
+        longest *= 2.0
+    slides, x, t, rests = list[Slide](), onset, 0.0, False
+    mode: ModeName = "slip"
+    for _ in range(MOST_TURNS):
+        part = machine.slide(mode, x, situated_at(w, -1.0 if force < 0.0 else 1.0, t), limit - t)
+        slides.append(part)
+        x, t = part.end, part.start + part.duration
+        if part.ended_by is None:
+            break
+        mode = machine.following[mode][part.ended_by]
+        if mode == "stick":
+            mode = "slip"
+            margin, force = machine.rests.margin(x, situated_at(w))
+            rests = margin > 0.0
+            if rests:
                 break
-            longest *= 2.0
-        slides, x, t, rests = list[Slide](), onset, 0.0, False
-        mode: ModeName = "slip"
-        for _ in range(MOST_TURNS):
-            part = machine.slide(mode, x, situated_at(w, -1.0 if force < 0.0 else 1.0, t), limit - t)
-            slides.append(part)
-            x, t = part.end, part.start + part.duration
-            if part.ended_by is None:
-                break
-            mode = machine.following[mode][part.ended_by]
-            if mode == "stick":
-                mode = "slip"
-                margin, force = machine.rests.margin(x, situated_at(w))
-                rests = margin > 0.0
-                if rests:
-                    break
-        crept = t < CREEP * float(half_periods(model, w[None])[0])
-        lasted = longest if stick is None else stick
-        return Cycle(start, onset, x, lasted, t, w, tuple(slides)) if rests and not crept else None
-    finally:
-        machine.close()
+    crept = t < CREEP * float(half_periods(model, w[None])[0])
+    lasted = longest if stick is None else stick
+    return Cycle(start, onset, x, lasted, t, w, tuple(slides)) if rests and not crept else None
 
 
 def tangent_of(model: Model, cycle: Cycle) -> Tangent:

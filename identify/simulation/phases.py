@@ -27,8 +27,6 @@ from identify.simulation.stepper import (
     Situated,
     Stepper,
     Stop,
-    borrowed,
-    give_back,
     rate,
     symbols,
 )
@@ -262,7 +260,7 @@ class Machine:
         # The speed of a slip that starts from balance grows from nothing: relative down to the rounding of the forces.
         floor[SPEED] *= min(ROUNDING / plan.rtol, 1.0)
         self.tolerances = np.concatenate([[plan.rtol], plan.rtol * floor])
-        self._left, self._borrowed = list(plan.methods), list[Stepper]()
+        self._left = list(plan.methods)
         self.stepper = self._next()
         self.rests = Resting(model)
         modes = sliding_modes(model.clamped is not None)
@@ -272,16 +270,10 @@ class Machine:
     def _next(self) -> Stepper:
         """The stepper of the first method that is left."""
         method, scale = self._left[0], self.scale
-        stepper = borrowed(self.model, method)
-        self._borrowed.append(stepper)
+        stepper = Stepper(self.model, method)
         longest = min(method.reach * scale.time, scale.longest)
         stepper.tune(self.p, self.tolerances, (longest, SHORTEST * scale.time, scale.farthest, self.locate))
         return stepper
-
-    def close(self) -> None:
-        """Give back what others can use: the run is over."""
-        while self._borrowed:
-            give_back(self._borrowed.pop())
 
     def slide(self, mode: ModeName, x: Array, situated: Situated, limit: float) -> Slide:
         """Slide from state x in one mode until that ends, or for `limit` [s].

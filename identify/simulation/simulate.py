@@ -7,7 +7,7 @@ overcomes the static limit, and the sign function is never smoothed.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import closing, suppress
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from time import process_time
 from typing import TYPE_CHECKING
@@ -91,8 +91,7 @@ def run(
     x = np.array([initial.get(s.name, s.start) for s in model.states], dtype=float)
 
     def made(steps: Plan) -> Trajectory:
-        with closing(Machine(model, p, scale, steps, locate=stepping.locate)) as machine:
-            motion = tuple(phases(machine, programme, load, duration, x))
+        motion = tuple(phases(Machine(model, p, scale, steps, locate=stepping.locate), programme, load, duration, x))
         other, share = steps.other()
         return Trajectory(model, motion, duration, accuracy, lambda: made(other), share)
 

@@ -349,7 +349,7 @@ def _locating(control: ca.SX, h: ca.SX, ends: ca.SX, exits: list[int], rtol: ca.
 
 
 class Stepper:
-    """Steps one model with one method; holds buffers, so one at a time uses it: `borrowed`."""
+    """Steps one model with one method; holds buffers, so one per thread."""
 
     def __init__(self, model: Model, method: Method) -> None:
         self.model, self.method = model, method
@@ -421,17 +421,3 @@ class Stepper:
         """Friction coefficient in state x at time t [s] of this slide, positive where friction brakes."""
         self._xth[:-2], self._xth[-2] = x, t
         return float(self._coefficients[mode]()[0])
-
-
-_IDLE: dict[tuple[Model, Method], list[Stepper]] = {}
-
-
-def borrowed(model: Model, method: Method) -> Stepper:
-    """A stepper nobody uses: one that was given back, or a new one."""
-    idle = _IDLE.get((model, method))
-    return idle.pop() if idle else Stepper(model, method)
-
-
-def give_back(stepper: Stepper) -> None:
-    """Let others use it."""
-    _IDLE.setdefault((stepper.model, stepper.method), []).append(stepper)
