@@ -1,4 +1,4 @@
-"""What every effect keeps to by standing in the table: declarations, units, derivatives, bounds, onset, document."""
+"""What every effect keeps to by standing in the table: declarations, units, bounds, onset, document."""
 
 from __future__ import annotations
 
@@ -120,42 +120,6 @@ def test_a_hidden_unit_is_seen(monkeypatch):
     monkeypatch.setattr(identify.model.model, "NAMES", (*(e.name for e in ALL), "hidden_unit"))
     departures = unscaled(assemble(case.company(HiddenUnit())), 0)
     assert departures["grip"] > 0.1 and departures["slip"] > 0.01
-
-
-# ---- derivatives
-
-
-def derivative_error(model: Model, name: str, seed: int) -> float:
-    """Largest difference of automatic and five-point derivatives in x, p, u (and t of a rest), relative to size."""
-    random = np.random.default_rng(seed)
-    x, p, u = case.state(model, random), case.values(model, random), case.inputs(random)
-    z = np.concatenate([x, p, u, [0.31] if name == "rest" else []])
-    ends = np.cumsum([x.size, p.size, u.size])
-    symbol = ca.SX.sym("z", z.size)
-    parts = [symbol[: ends[0]], symbol[ends[0] : ends[1]], symbol[ends[1] : ends[2]]]
-    expression = getattr(model, name)(*parts, *([symbol[ends[2]]] if name == "rest" else []))
-    both = ca.Function("both", [symbol], [expression, ca.densify(ca.jacobian(expression, symbol))])
-    value, slope = (np.array(m) for m in both(z))
-    size = np.where(z == 0.0, 1e-3, np.abs(z))
-    steps = 1e-3 * size if not _wavy(model) else 2e-5 * size
-    numeric = np.empty_like(slope)
-    for i, h in enumerate(steps):
-        unit = np.eye(z.size)[i] * h
-        at = {k: np.array(both(z + k * unit)[0]).ravel() for k in (-2, -1, 1, 2)}
-        numeric[:, i] = (at[-2] - 8 * at[-1] + 8 * at[1] - at[2]) / (12 * h)
-    reach = np.max(np.abs(slope) * size, axis=1, keepdims=True) + np.abs(value) + 1e-12
-    return float(np.max(np.abs(slope - numeric) * size / reach))
-
-
-def _wavy(model: Model) -> bool:
-    return model.waves.numel_out(0) > 0 or "track" in [s.name for s in model.states]
-
-
-@EVERY
-@pytest.mark.parametrize("name", ["slip", "renewed", "rest", "driving_force", "grip", "load_cell"])
-def test_derivatives(effect, name):
-    for seed in range(2):
-        assert derivative_error(assemble(case.company(effect)), name, seed) < 1e-7
 
 
 # ---- bounds

@@ -69,9 +69,8 @@ def ratio(attempt, unknowns, index, value, steps=2):
     return 2.0 * (costs[-1] - costs[0])
 
 
-@pytest.mark.parametrize(
-    "name", ["D", *(pytest.param(name, marks=pytest.mark.slow) for name in ("mu_k0", "a", "mass"))]
-)
+@pytest.mark.slow  # of one parameter: on a bent path, below
+@pytest.mark.parametrize("name", ["D", "mu_k0", "a", "mass"])
 def test_at_both_ends_the_data_and_the_prior_object_as_they_should(pair, name):
     attempt, unknowns, sizes = pair
     index = unknowns.names.index(name)

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-
 from experiments.case_variants import with_scatter
+from experiments.study_problem import DEMO as TRUTH
 from experiments.study_problem import RIG, Case, scene_of
 from identify import fit
 
 pytestmark = pytest.mark.usefixtures("no_predictions")
 
-TRUTH = {"mu_s": 0.62, "mu_k0": 0.43, "delta_mu_k": -0.13, "a": 300.0, "D": 37.4e-6, "t_cr": 0.5}
 SPEEDS = ((1e-4, 20.0, 500.0), (1e-3, 4.0, 1000.0), (5e-3, 1.5, 2000.0))
 SCATTER = 0.01
 

@@ -7,25 +7,15 @@ import numpy as np
 import pytest
 from scipy.signal import find_peaks
 
+from experiments.study_problem import DEMO, NOISE, RIG
+from experiments.study_problem import SPEEDS as LOGS
 from identify.logs.noise import spikes, uneven, white_noise
 from identify.logs.regime import Known, Regime, classify
 from identify.logs.segment import SLIDING, SLIP, STICK, _turning_points, segment
 from tests.support import oracle
 
-PAIR = {
-    "mu_s": 0.62,
-    "mu_k0": 0.43,
-    "delta_mu_k": -0.13,
-    "a": 300.0,
-    "D": 37.4e-6,
-    "t_cr": 0.5,
-    "mass": 0.2,
-    "stiffness": 1470.0,
-    "damping": 147.0,
-}
+PAIR = DEMO | RIG
 HALF_PERIOD = float(np.pi * np.sqrt(PAIR["mass"] / PAIR["stiffness"]))
-LOGS = ((1e-4 / 60, 800.0, 20.0), (1e-4, 20.0, 500.0), (1e-3, 4.0, 1000.0), (5e-3, 1.5, 2000.0))
-NOISE = 0.005
 
 
 def drawn_pair(rng):

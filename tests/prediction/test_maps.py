@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from experiments import brute_force
 from identify.base.errors import SimulationError
 from identify.model.model import assemble
 from identify.prediction.axes import Site, admissible, axis, check_axes, moved
@@ -17,9 +16,6 @@ from identify.prediction.maps import Boundary, line_map, plane, stability_map
 from identify.prediction.predict import solution_set
 from identify.prediction.windows import Border
 from tests.support.maps_case import ALL, DEMO, SITE, SPANS
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "experiments"))
-import brute_force
 
 
 @pytest.fixture(scope="module")

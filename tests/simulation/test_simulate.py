@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from experiments.study_problem import DEMO, RIG
 from identify.base.errors import SimulationError
 from identify.effects import MAIN
 from identify.model.model import assemble
@@ -14,17 +15,7 @@ from identify.simulation.simulate import run
 from identify.simulation.trajectory import Trajectory
 from tests.support import oracle
 
-PAIR = {
-    "mu_s": 0.62,
-    "mu_k0": 0.43,
-    "delta_mu_k": -0.13,
-    "a": 300.0,
-    "D": 37.4e-6,
-    "t_cr": 0.5,
-    "mass": 0.2,
-    "stiffness": 1470.0,
-    "damping": 147.0,
-}
+PAIR = DEMO | RIG
 MODEL = assemble(MAIN)
 STEPS = ((0.0, 1e-3), (0.9, 3e-3), (1.4, 0.0), (2.0, 5e-4))
 STROKES = ((0.0, 1e-3), (0.9, -2e-3), (2.0, 1e-3))

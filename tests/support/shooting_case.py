@@ -8,6 +8,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.study_problem import DEMO as PAIR
+from experiments.study_problem import NOISE, RIG
 from identify.effects import MAIN
 from identify.logs.log_data import LogData
 from identify.logs.unknowns import Unknowns
@@ -20,10 +22,7 @@ from tests.support import oracle
 
 Array = NDArray[np.float64]
 
-PAIR = {"mu_s": 0.62, "mu_k0": 0.43, "delta_mu_k": -0.13, "a": 300.0, "D": 37.4e-6, "t_cr": 0.5}
-RIG = {"mass": 0.2, "stiffness": 1470.0, "damping": 147.0}
 LOAD = 1.0
-NOISE = 5e-3
 MODEL = assemble(MAIN)
 # drive speed [m/s], duration [s], rate [Hz]
 SLOW, MIDDLE, FAST = (1e-4, 11.0, 500.0), (1e-3, 2.0, 1000.0), (5e-3, 0.6, 2000.0)
