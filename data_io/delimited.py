@@ -278,7 +278,7 @@ def read_ours(source: Source, request: Request) -> Contents:
     except ValueError as error:
         raise source.error(
             "line 2 does not hold the JSON account that a CSV of ours has there; "
-            "restore it, or remove the first two lines to have it read_ours as plain CSV"
+            "restore it, or remove the first two lines to have it read as plain CSV"
         ) from error
     line, position = line_at(data, position)
     names = split(line, ",")
@@ -287,7 +287,7 @@ def read_ours(source: Source, request: Request) -> Contents:
     if len(units) != len(names) or len(names) < 2:
         raise source.error(
             f"line 4 holds {len(units)} units for {len(names)} columns; one for each was expected; "
-            "repair it, or remove the first two lines to have it read_ours as plain CSV"
+            "repair it, or remove the first two lines to have it read as plain CSV"
         )
     columns = tuple(Name(name, name, unit) for name, unit in zip(names, units, strict=True))
     header = Header(columns, role_indices(columns, request.columns))
