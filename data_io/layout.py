@@ -504,6 +504,7 @@ def read_numbers(source: Source, block: str, first_line: int, head: Head, above:
         clock = role_of(names[index].name) == "time" or roles.get("time") == index
         if clock and (stamps := clock_times(tokens)) is not None:
             columns[index], days[index] = stamps
+            columns[index] *= _minute(names[index], tokens, remarks)
         elif (with_unit := _of_cells(tokens, mark, above.units.get(index, ()))) is not None:
             columns[index], units[index] = with_unit
         else:
@@ -516,6 +517,18 @@ def read_numbers(source: Source, block: str, first_line: int, head: Head, above:
             row_units = [unit_word(word.strip("[]() ")) or "" for word in words]
             columns[index], units[index] = _in_first_unit(columns[index], row_units, above.units.get(index, ()))
     return Numbers(columns, len(frame), tuple(remarks), decimal, usual, days, units)
+
+
+def _minute(name: Name, tokens: Sequence[str], remarks: list[Finding]) -> float:
+    """Return what stamps of minutes and seconds are to be multiplied by: 60 where they are hours and minutes."""
+    pairs = [token for token in tokens if re.fullmatch(r"\W*\d{1,3}:\d\d\W*", token)]
+    form = re.sub(r"(.)\1", r"\1", (name.unit or "").casefold())
+    if pairs and form == "h:m":
+        return 60.0
+    if pairs and form != "m:s" and max(int(pair.strip('" ').partition(":")[0]) for pair in pairs) < 24:
+        text = f"stamps such as {pairs[0]!r} in column {name.raw!r} were taken as minutes and seconds; call the column "
+        remarks.append(Finding("unit_by_context", "warning", f"{text}'{name.name} [h:mm]' where they are not"))
+    return 1.0
 
 
 def _fields(source: Source, lines: Sequence[tuple[int, str]], head: Head, quoted: bool) -> npt.NDArray[np.intp]:

@@ -186,7 +186,7 @@ def to_number(token: str, decimal: str) -> float | None:
 
 _TIME: Final = (
     r"(?:(?P<h>\d{1,3}):(?P<m>[0-5]?\d):(?P<s>[0-5]?\d(?:[.,:]\d{1,9})?)(?: ?(?P<half>[ap])\.?m\.?)?"
-    r"|(?P<mm>\d{1,3}):(?P<ss>[0-5]\d[.,]\d{1,9}))"
+    r"|(?P<mm>\d{1,3}):(?P<ss>[0-5]\d(?:[.,]\d{1,9})?))"
 )
 _DATE: Final = r"(?P<a>\d{1,4})(?P<mark>[-/.])(?P<b>\d{1,2})(?P=mark)(?P<c>\d{1,4})"
 _ZONE: Final = r"(?: ?(?:Z|UTC|GMT|(?P<zone>[+-])(?P<zh>\d{2}):?(?P<zm>\d{2})))?"

@@ -165,6 +165,18 @@ def test_minutes_and_seconds_go_on_over_the_hour(tmp_path: Path, seed: int) -> N
 
 
 @pytest.mark.parametrize("seed", SIBLINGS)
+def test_hours_and_minutes_are_told_by_the_name_of_their_column(tmp_path: Path, seed: int) -> None:
+    _, force, load, random = drawn(seed, rows=90)
+    begin, width, unit = random.integers(0, 1440), random.choice([1, 2]), random.choice(["h:mm", "hh:mm", "H:MM"])
+    stamps = [f"{minute // 60 % 24:0{width}d}:{minute % 60:02d}" for minute in (begin + np.arange(90)).tolist()]
+    written(tmp_path / "log.csv", stamps, force, load, unit)
+    check(tmp_path / "log.csv", 60.0 * np.arange(90), force, load)
+    written(tmp_path / "log.csv", [f"{i // 60}:{i % 60:02d}" for i in range(90)], force, load, "")
+    check(tmp_path / "log.csv", np.arange(90), force, load)
+    assert "unit_by_context" in {finding.code for finding in read_log(tmp_path / "log.csv").findings}
+
+
+@pytest.mark.parametrize("seed", SIBLINGS)
 def test_marks_between_thousands_are_no_delimiters(tmp_path: Path, seed: int) -> None:
     time, force, load, random = drawn(seed)
     mark, digits = random.choice(["\u202f", "\u00a0", "\u2009", "'", "\u2019"]), int(random.integers(1, 4))
