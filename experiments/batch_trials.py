@@ -62,8 +62,9 @@ def started(
     largest: bytes of a file, beyond which writing fails as on a full disk."""
     full = f"import resource as r; r.setrlimit(r.RLIMIT_FSIZE, ({largest}, {largest})); " if largest else ""
     command = [sys.executable, "-c", full + before + WITH_STUB + COMMAND, "batch", *map(str, arguments)]
+    whole = {"PYTHONDONTWRITEBYTECODE": "1"} if largest else {}  # Python keeps what it could write of it
     pipe = subprocess.PIPE
-    return subprocess.Popen(command, stdout=pipe, stderr=pipe, env=environment(seconds), cwd=ROOT)
+    return subprocess.Popen(command, stdout=pipe, stderr=pipe, env=environment(seconds) | whole, cwd=ROOT)
 
 
 def children(pid: int) -> list[int]:
