@@ -19,6 +19,7 @@ from identify.report.report_wording import plain_symbol, with_group
 FAR = 4.0  # standard errors beyond which a stated value stands out
 LOGS_PER_TABLE = 6
 MOST_CLASSICAL_COLUMNS = 60
+CAUSE_UNITS = {"stiffness": "N/m", "drive_speed": "m/s", "force_zero": "N", "load_zero": "N", "sensor_lag": "s"}
 HEADINGS = ("run", "step", "stroke", "direction")  # of a stroke
 
 
@@ -183,12 +184,17 @@ def sensitivity_table(result: Result) -> OutputTable:
 
 
 def causes_table(causes: Sequence[schema.CauseResult]) -> OutputTable:
-    """What a misfit may come of: the score of every quantity that noise does not explain, by class."""
+    """What a misfit may come of: the score of every quantity that noise does not explain, by class; gains as ratios."""
+    units = {name: p.unit for name, p in report_wording.DECLARED.items()} | CAUSE_UNITS
     rows: list[Row] = []
     for cause in causes:
-        numbers = map(_cell, (cause.score, cause.stated, cause.suggested, cause.standard_error))
-        rows.append((cause.quantity.replace("_", " "), cause.log or "all", cause.number, *numbers))
-    heads = ("quantity [SI]", "log", "class", "score", "stated", "by the data", "standard error (SE)")
+        whole = cause.log is None and cause.quantity == "drive_speed"  # a ratio, as gains are
+        scale = scale_for(cause.stated or cause.suggested, "" if whole else units.get(cause.quantity, ""))
+        values = (cause.stated, 4), (cause.suggested, 4), (cause.standard_error, 2)
+        texts = [DASH if value is None else f"{number(value / scale.factor, n)} {scale.unit}" for value, n in values]
+        shown = [Cell(value, text.strip()) for (value, _), text in zip(values, texts, strict=True)]
+        rows.append((cause.quantity.replace("_", " "), cause.log or "all", cause.number, _cell(cause.score), *shown))
+    heads = ("quantity", "log", "class", "score", "stated", "estimated", "standard error (SE)")
     return OutputTable("What the misfit may come of", heads, tuple(rows))
 
 
