@@ -4,9 +4,9 @@ import re
 
 import pytest
 
-from identify.base.result import LogResult
+from identify.base.result import CauseResult, LogResult
 from identify.report.report_page import render_page
-from identify.report.report_tables import answer_table, parameter_table
+from identify.report.report_tables import answer_table, causes_table, parameter_table
 from tests.support.fake_fit import failed, fake_fit, with_verdicts
 
 
@@ -46,3 +46,10 @@ def test_the_parameters_are_a_latex_table(fit):
     assert rows[0].startswith(r"mu\_s & 0.6200 & 0.6178 to 0.6222 & 1 & ")
     assert any(r"$\mu$m" in row for row in rows)
     assert not re.search(r"(?<!\\)[%_](?!\{)", "\n".join(rows)), "nothing that LaTeX takes for something else"
+
+
+def test_possible_causes_of_a_misfit_stand_in_one_unit_a_row():
+    mass = CauseResult("mass", None, 1, 1234.0, 0.6, 0.34972, 0.0006)
+    speeds = CauseResult("drive_speed", None, 2, 20.0, 1.0, 1.017, 0.0006)  # of all logs: a ratio
+    texts = [[cell.shown for cell in row] for row in causes_table((mass, speeds)).cells]
+    assert texts[0][3:] == ["1234", "0.6 kg", "0.3497 kg", "0.0006 kg"] and texts[1][4:] == ["1", "1.017", "0.0006"]
