@@ -65,7 +65,10 @@ def test_a_fit_finds_the_vibration_under_which_the_mass_sticks_and_slips(vibrati
 
 @pytest.mark.parametrize(
     ("effect", "name", "value"),
-    [("skin_compliance", "skin_stiffness", 4400.0), ("sensor_lag", "lag_time", 3e-3)],
+    [
+        pytest.param("skin_compliance", "skin_stiffness", 4400.0, marks=pytest.mark.slow),
+        ("sensor_lag", "lag_time", 3e-3),
+    ],
 )
 def test_what_bends_the_sticks_is_fitted(effect, name, value):
     values = _values(fit_model(_scene((*MAIN, effect)), drawn(LOGS, {name: value}, (*MAIN, effect), seed=3)))

@@ -25,6 +25,7 @@ def _prepared(scene, records):
     return tuned([prepare(scene, e, r, unknowns) for e, r in zip(scene.logs, records, strict=True)], unknowns)
 
 
+@pytest.mark.slow
 def test_where_the_data_have_one_optimum_all_starts_lead_to_it():
     prepared, unknowns = _prepared(*Kind("", (SLOW, FAST), (SLOW, FAST), DEMO, RIG).made(1))
     right, _ = search(SearchProblem(prepared, unknowns))

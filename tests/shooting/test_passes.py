@@ -11,6 +11,7 @@ from identify.estimation.attempt import solve_from
 from identify.logs.scene_records import prepare_scene, with_records
 
 
+@pytest.mark.slow  # sample `strangers` of the acceptance table holds it too
 def test_events_that_go_to_and_fro_settle_near_the_truth(tmp_path):
     """Speeds close to each other leave the end of wear loose: it jumped by three samples from pass to pass, until the
     start was given up for an optimum whose t_cr is off by four standard errors."""

@@ -17,6 +17,7 @@ pytestmark = pytest.mark.usefixtures("shared_machine_code")
 measured = pytest.mark.skipif(not RECORDS.is_dir(), reason="the measured records are not beside this checkout")
 
 
+@pytest.mark.slow  # all of them: sample `measured` of the acceptance table
 @measured
 def test_a_measured_record_ends_with_numbers_and_the_reason():
     result = fit(measured_scene(("k1002_v42",)), estimator=UnevenEstimator()).result

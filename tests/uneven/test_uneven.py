@@ -248,6 +248,7 @@ def test_the_effect_asks_for_the_uneven_estimator_at_once_and_its_report_says_so
     assert f"after the typical rest ({np.median(result['uneven_cycles'][0]['rest_s'][1:]):.3g} s)" in page
 
 
+@pytest.mark.slow
 def test_records_that_share_nothing_are_told_apart(maxima):
     records, found = [sticks for sticks, _ in maxima[:2]], [maximum for _, maximum in maxima[:2]]
     assert agreement(maximise(records), found) > APART
