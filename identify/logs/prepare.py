@@ -213,7 +213,7 @@ def _verdict_on_programme(time: Array, force: Array, rig: Rig, drive: Drive, kno
         travel, rows = np.concatenate([[0.0], np.cumsum(steps)]), np.append(steps > 0.0, True)
         times = {name: np.interp(getattr(phases.cycles, name), time, travel) for name in names}
         cycles = replace(phases.cycles, **times)
-        along = replace(phases, cycles=cycles, spikes=phases.spikes[rows], phase=phases.phase[rows])
+        along = replace(phases, cycles=cycles, at_drive=None, spikes=phases.spikes[rows], phase=phases.phase[rows])
         if not classify(travel[rows], force[rows], known, given=along).phases.count:
             phases = segment(time, force, half_period=half_period, noise=rig.noise, slips=False, plate=rig.plate)
     return Verdict(Regime.PROGRAMME, SURE, ("the drive changes its speed",), phases)

@@ -186,7 +186,7 @@ class _Shape:
 
     @classmethod
     def of(cls, time: Array, force: Array, phases: Segmentation) -> _Shape:
-        cycles = phases.cycles
+        cycles = phases.at_drive or phases.cycles
         if not cycles.count:
             return cls()
         rise, level = cycles.onset[1:] - cycles.arrest[:-1], abs(float(np.nanmedian(force)))

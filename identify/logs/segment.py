@@ -41,8 +41,7 @@ LINE_BLOCKS = ((24, 3), (12, 2), (8, 2))  # samples, and degree of its line: a r
 WIDTHS, FEWEST_OF_SLIP = 16, 12  # windows of a slip, and samples of one, in which a jump is seen
 JUMPS = 0.25  # of the falls, that jump under the counterface at least: as a rule half of them
 SHARP = 0.75  # of a fall over the wide window, that a jump makes in the narrow one
-INNER = 0.3  # of a rise at the drive, at either end: there the mass slides already, or still
-SAME_FORCE = 4.0  # standard deviations by which two forces differ by chance
+SAME_FORCE = 3.0  # standard deviations by which two forces differ by chance
 RESOLVED = 0.5  # of a natural period over 2 pi, that samples may lie apart to show what a resonance does
 LONGER, MOST_LONGER = 1.015, 4.0  # times the noise in blocks twice as long: noise with a memory, and no noise any more
 
@@ -94,7 +93,7 @@ class Segmentation:
     that was seen completely [N/s], in order, the first ramp of a record that starts at rest apart in
     `loading_slope` (None without one); ends_sliding: steady or decaying sliding follows the last cycle; low_snr: slips
     fall by so little that many of them are lost in the noise; other_falls: number of falls that stand out of the noise
-    and are no slips.
+    and are no slips; at_drive: of a plate the cycles in the force at the drive, in which slips are found.
     """
 
     cycles: DetectedCycles
@@ -108,6 +107,7 @@ class Segmentation:
     sample_interval: float
     low_snr: bool = False
     other_falls: int = 0
+    at_drive: DetectedCycles | None = None
 
     @property
     def count(self) -> int:
@@ -219,7 +219,9 @@ def segment(
     trace = _traced(time, seen, sd, None if half_period is None else half_period / interval, slips)
     judged = _judge(trace)
     phase, ends_sliding = _label(judged)
-    cycles = _cycles(judged) if seen is clean else _at_jumps(_cycles(judged), time, clean)
+    cycles, at_drive = _cycles(judged), None
+    if seen is not clean:
+        cycles, at_drive = _at_jumps(cycles, time, clean), cycles
     lasting = half_period or _median(cycles.arrest - cycles.onset)
     low_snr = cycles.count > 0 and _median(cycles.drop) * sqrt(max(NARROW * lasting / interval, 1.0)) < CLEAR * sd
     loading = judged.loading_slope
@@ -227,10 +229,11 @@ def segment(
         knee = _loading_knee(trace)
         loading = trace.slope(0, knee) if knee else None
     if noise is None:  # what lies between slips lost in it holds others; never less than the rounding of the file
-        inner = 0.0 if seen is clean else INNER
         edges = [0, *(np.flatnonzero(np.diff(phase)) + 1).tolist(), int(phase.size)]
-        runs = [(first, end, int(inner * (end - first))) for first, end in pairwise(edges) if phase[first] != SLIP]
-        rests = [(first + less, end - less) for first, end, less in runs]
+        rests = [(first, end) for first, end in pairwise(edges) if phase[first] != SLIP]
+        if at_drive is not None and at_drive.count > 1:  # where it rises at the drive the mass slides in part
+            ends = np.searchsorted(time, [cycles.arrest[:-1], cycles.onset[1:]])
+            rests = [(first, end) for first, end in ends.T.tolist() if first < end]
         about_lines = None if low_snr else noise_on_lines(clean, rests, stamps)
         noise = max(about_lines or white, grid_step(kept(force, ~holes)[: 1 << 15]) / sqrt(12.0))
     return Segmentation(
@@ -245,6 +248,7 @@ def segment(
         sample_interval=interval,
         low_snr=low_snr,
         other_falls=int(np.count_nonzero(~judged.slips)),
+        at_drive=at_drive,
     )
 
 
@@ -585,8 +589,9 @@ def drive_force(time: Array, force: Array, frequency: float, zeta: float) -> Arr
     first = slice(max(int(np.pi / (frequency * interval)), 2))  # half a period: it begins at rest, along that line
     line = clean[0] + line_slope(even[first], clean[first], noise) * (even - even[0])
     out = np.interp(time, even, lfilter(above.ravel(), below, clean - line) + line)
-    rings = noise * sqrt(1.0 + frequency * interval / (4.0 * max(zeta, 1e-3)))  # white noise, and what it makes ring
-    return np.where(np.abs(out - force) < SAME_FORCE * rings, force, out)
+    width = max(int(np.pi / (8.0 * frequency * interval)), 1) | 1  # an eighth of half a period
+    rings = noise * sqrt(1.0 / width + frequency * interval / (4.0 * max(zeta, 1e-3)))  # white noise, what it rings by
+    return np.where(np.abs(smooth(out - force, width)) < SAME_FORCE * rings, force, out)
 
 
 def jumps(force: Array, phases: Segmentation, slip: float) -> tuple[int, int]:
