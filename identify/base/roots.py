@@ -12,22 +12,45 @@ from identify.base.errors import SimulationError
 
 Array = NDArray[np.float64]
 
+NEWTON_STEPS = 100  # for a root, at most
+
 
 def rising_root(
     equation: Callable[..., tuple[Array, Array]], low: Array, high: Array, parameters: tuple[Array, ...] = ()
 ) -> Array:
-    """Where each of n functions crosses zero from below, to the last digits the function has.
+    """Where each of n functions crosses zero from below, to the last digits the function has: Newton's method within a
+    bracket.
 
     Args:
-        equation: (x (m,), *parameters (m,) each) -> (value (m,), slope (m,)), for any m of the n functions.
+        equation: (x (n,), *parameters (n,) each) -> (value (n,), slope (n,)).
         low, high: shape (n,), with value(low) <= 0 <= value(high).
         parameters: what tells the functions apart, (n,) each.
     """
-    from scipy.optimize.elementwise import find_root
-
+    x = 0.5 * (low + high)
     with np.errstate(all="ignore"):
-        root = find_root(lambda x, *own: equation(x, *own)[0], (low, high), args=parameters, maxiter=300)
-    return np.asarray(root.x)
+        for _ in range(NEWTON_STEPS):
+            value, slope = equation(x, *parameters)
+            low, high = np.where(value <= 0.0, x, low), np.where(value >= 0.0, x, high)
+            newton = x - value / slope
+            after = np.where((low <= newton) & (newton <= high), newton, 0.5 * (low + high))
+            if np.all((np.abs(after - x) <= np.spacing(np.abs(x))) | np.isnan(value)):
+                break
+            x = after
+    return np.asarray(after if x.size else x)
+
+
+def concave_zero(function: Callable[[float], tuple[float, float]], high: float) -> float:
+    """Where a concave function, positive at 0 and not at `high`, falls to zero: Newton's method comes down to it.
+
+    Args:
+        function: t -> value and slope.
+    """
+    while True:
+        value, slope = function(high)
+        lower = high - value / slope if slope < 0.0 else high
+        if not 0.0 <= lower < high:  # to the last digit
+            return high
+        high = lower
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -110,7 +110,7 @@ def effect_shares(model: Model) -> dict[str, float]:
     without it there is no slip to integrate."""
 
     def instructions(of: Model) -> int:
-        return block(of, SlideBlock(FEWEST_STEPS)).derivatives.instructions
+        return block(of, SlideBlock(1)).derivatives.instructions
 
     whole, shares = instructions(model), {}
     for name in model.effects:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from identify.base.compiled import Mapped, compiled
 from identify.base.errors import SimulationError
-from identify.base.roots import first_zero
+from identify.base.roots import concave_zero, first_zero
 from identify.model.model import ELONGATION, INPUTS, SPEED, TIME, Model
 from identify.model.modes import GUARDS, GuardName, ModeName, sliding_modes
 from identify.simulation.drive import Drive, NormalForce, breaks
@@ -89,14 +89,15 @@ _SHARES = np.geomspace(1e-9, 1.0, 24)  # of the longest rest: where its curvatur
 
 @lru_cache(maxsize=32)
 def _rest_functions(model: Model) -> tuple[ca.Function, ca.Function, Mapped, Mapped]:
-    """By (x at the start, constants, t): the row (breakaway margin [N], force of the drive [N], state);
-    the largest second derivative of the margin at some times; for many at once the margin, and what it is without what
+    """By (x at the start, constants, t): the row (breakaway margin [N], its slope, force of the drive [N], state); the
+    largest second derivative of the margin at some times; for many at once the margin, and what it is without what
     oscillates."""
     x, c, t, p, u = symbols(model)
     rested = model.rest(x, p, u, t)
     force, limit = model.driving_force(rested, p, u), model.grip(rested, p, u)
     margin = limit - ca.fabs(force)
-    row = ca.Function("row", [x, c, t], [ca.cse(ca.densify(ca.vertcat(margin, force, rested)))])
+    shown = ca.vertcat(margin, ca.jacobian(margin, t), force, rested)
+    row = ca.Function("row", [x, c, t], [ca.cse(ca.densify(shown))])
     curvature = ca.Function("curvature", [x, c, t], [ca.densify(ca.jacobian(ca.jacobian(margin, t), t))])
     times = ca.SX.sym("times", _SHARES.size)
     largest = ca.mmax(ca.vertcat(*(curvature(x, c, at) for at in ca.vertsplit(times))))
@@ -144,18 +145,17 @@ class Resting:
                     return self._at_times(self._calm, times) - (1.0 + 1e-12) * swung  # force of what oscillates
 
                 onset = first_zero(margins, limit, period, least)
-            elif self._at(limit)[0] <= 0.0:  # the only zero of a concave margin, to the last digits
-                last = 4.0 * np.finfo(float).eps
-                onset = float(scipy.optimize.brentq(lambda t: self._at(t)[0], 0.0, limit, xtol=1e-300, rtol=last))
+            elif self._at(limit)[0] <= 0.0:
+                onset = concave_zero(lambda t: tuple(self._at(t)[:2].tolist()), limit)
         row = self._at(limit if onset is None else onset)
-        return onset, row[2:].copy(), float(row[1])
+        return onset, row[3:].copy(), float(row[2])
 
     def margin(self, x: Array, situated: Situated) -> tuple[float, float]:
         """By how much a mass at rest in x (n_x,) withstands the drive [N], and the force of the drive [N]."""
         self._x[:] = x
         self._c[:-5], self._c[-5:] = situated.p, situated.numbers
         row = self._at(0.0)
-        return float(row[0]), float(row[1])
+        return float(row[0]), float(row[2])
 
     def _at(self, t: float) -> Array:
         self._t[0] = t
