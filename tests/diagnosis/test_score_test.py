@@ -17,7 +17,8 @@ def scores(stated, logs=None):
     return table, {(s.column.name, s.log): s for s in table.scores}
 
 
-@pytest.mark.parametrize("name", ["mass", pytest.param("damping", marks=pytest.mark.slow)])
+@pytest.mark.slow  # in the quick suite a speed and a gain, below
+@pytest.mark.parametrize("name", ["mass", "damping"])
 def test_a_score_is_the_fall_of_chi_squared_of_a_fit_with_the_quantity_free(name):
     """Truth from outside: the likelihood ratio, and the estimate, of a fit that searches the quantity."""
     factor = {"mass": 1.005, "damping": 1.03}[name]
