@@ -119,10 +119,10 @@ class Looks:
         return {"error": str(document.get("message", "it cannot be read")).replace("./", "", 1)}
 
 
-def row_of(name: str, size: int, log: Document | None) -> Document:
+def row_of(name: str, log: Document | None) -> Document:
     """One line of the table of logs, in words; `ready` is False until the log was inspected."""
     pair = SPEED_TEXT.sub("", ENDINGS.sub("", Path(name).name)).strip(" _-")  # logs of one pair differ by their speeds
-    row: Document = {"path": name, "bytes": size, "ready": log is not None, "pair": pair or "pair"}
+    row: Document = {"path": name, "ready": log is not None, "pair": pair or "pair"}
     if log is None:
         return row
     if "error" in log:

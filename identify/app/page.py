@@ -68,7 +68,7 @@ class Page:
     def _listed(self) -> Document:
         """Logs with what is in them, scenes, fits, batches and jobs."""
         found = self.folder.found()
-        logs = [row_of(name, self.folder.path(name).stat().st_size, self.looks.of(name)) for name in found["logs"]]
+        logs = [row_of(name, self.looks.of(name)) for name in found["logs"]]
         fits = [fit_row(self.folder, name) for name in found["fits"]]
         return found | {"folder": str(self.folder.root), "logs": logs, "fits": fits, "jobs": self.jobs.listed()}
 
