@@ -74,7 +74,7 @@ def fit_beside(other: Fitted, scene: Scene, records: Sequence[Record]) -> Fitted
     at = replace(preparation.unknowns, start=values_of(other, preparation.unknowns))
     attempt = solve_from(preparation.logs, usable(preparation.logs), at, known.solved.solution.cost + COST_CUTOFF)
     best = Fitted(scene, preparation.unknowns, tuple(preparation.logs), attempt)
-    if best.logs == other.logs and (best.fits or (other.fits and np.isfinite(best.excess))):
+    if best.logs == other.logs and best.fits:
         return best
     searched = fit_model(scene, records)
     return min(best, searched, key=lambda each: (each.logs != other.logs, each.excess))

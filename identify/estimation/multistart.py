@@ -21,8 +21,7 @@ from identify.estimation.starts import apart, features_of
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.logs.vibration import quieted, rhythmic
-from identify.shooting.layout import COARSE_GRID
-from identify.shooting.passes import Solution, solve
+from identify.shooting.passes import Solution, first_grid, solve
 from identify.shooting.shooting import shooting_problem
 from identify.shooting.shooting_trajectory import ShootingTrajectory
 from identify.shooting.starts import GOOD, candidates, fit_features
@@ -106,7 +105,8 @@ def _coarse(logs: Sequence[Prepared], motion: Sequence[ShootingTrajectory], unkn
     first, *others = motion  # what every log has for itself, the first log has in the shared theta
     weak = replace(unknowns, start=first.theta(unknowns.start)).with_weak_priors()
     motion = [replace(first, own=np.empty(0)), *others]
-    problem = shooting_problem([log.data for log in logs], motion, weak, COARSE_GRID)
+    data = [log.data for log in logs]
+    problem = shooting_problem(data, motion, weak, first_grid(data, motion, weak))
     return solve(problem, tolerance=1e-3, mu_init=1e-4, iterations=20)
 
 

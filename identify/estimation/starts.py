@@ -15,7 +15,7 @@ from identify.estimation.attempt import HORIZONS, place_on
 from identify.logs.prepare import Prepared, at_drive, beginning
 from identify.logs.unknowns import Unknowns
 from identify.logs.vibration import quieted
-from identify.shooting.layout import COARSE_GRID
+from identify.shooting.passes import first_grid
 from identify.shooting.shooting import shooting_problem
 from identify.shooting.starts import (
     GOOD,
@@ -85,7 +85,7 @@ def _by_motion(prepared: list[Prepared], unknowns: Unknowns, tried: Iterable[Arr
         placed = place_on(logs, list(range(len(logs))), at)
         if placed:
             data, motion = [log.data for _, log, _ in placed], [trajectory for _, _, trajectory in placed]
-            problem = shooting_problem(data, motion, at, COARSE_GRID)
+            problem = shooting_problem(data, motion, at, first_grid(data, motion, at))
             cost = problem.evaluate(problem.start, derivatives=False).cost / max(problem.samples, 1)
             out.append(Start(theta, float(cost) + MISSING * (len(logs) - len(placed))))
     return sorted(out, key=attrgetter("cost"))

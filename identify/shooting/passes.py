@@ -4,7 +4,7 @@ after each the samples are assigned anew to the event times of its solution.
 A pass assigns samples to integration steps from constant event times. When the last pass moved no event by more than
 half a sample, or events go to and fro at one cost, the assignment and the answer agree. Where a pass fails, it is
 solved again from where it began within a trust region: a prior on the parameters about the iterate, whose weight grows
-tenfold with a pass that fails and falls with one that succeeds, until it is gone.
+a hundredfold with a pass that fails and falls with one that succeeds, until it is gone.
 """
 
 from __future__ import annotations
@@ -258,7 +258,8 @@ def solve_in_passes(
         cost_cutoff: a pass that converges with a larger cost is the last one. steps: per interval of the fine passes,
             at least.
     """
-    grid, exact, weight, failures = COARSE_GRID, False, 0.0, 0
+    grid, coarse = first_grid(logs, trajectories, unknowns), True
+    exact, weight, failures = False, 0.0, 0
     iterations, seconds = 0, 0.0
     accepted: Solved | None = None
     failed: Solved | None = None
@@ -270,7 +271,7 @@ def solve_in_passes(
         problem = shooting_problem(logs, trajectories, region, grid, pattern=pattern)
         seconds += time.perf_counter() - since
         begun = problem.evaluate(problem.start, derivatives=True).cost
-        solution, spent, exact = _solve(problem, coarse=grid is COARSE_GRID, exact=exact)
+        solution, spent, exact = _solve(problem, coarse=coarse, exact=exact)
         iterations += spent
         theta, moved = problem.layout.at(solution.x)
         shift = _shift_in_samples(problem, solution, logs, trajectories)
@@ -283,12 +284,12 @@ def solve_in_passes(
             if failures > 3 or time_is_up():  # passes in a trust region that fail before the start is given up
                 break
             # In units of the weakest prior.
-            weight, exact = 10.0 * weight if weight > 0.0 else 100.0, False
+            weight, exact = 100.0 * max(weight, 1.0), False
             continue
         accepted, trajectories, unknowns = passed, moved, replace(unknowns, start=theta)
         if weight > 0.0:
-            weight = weight / 10.0 if weight > 1.0 else 0.0
-        elif grid is not COARSE_GRID:
+            weight = weight / 100.0 if weight > 1.0 else 0.0
+        elif not coarse:
             ends = np.concatenate([place.events for place in problem.layout.places])
             shifts, at = solution.x[ends], solution.x.copy()
             if float(np.sum(before * shifts)) < 0.0 and abs(solution.cost - cost) < SAME:
@@ -308,8 +309,14 @@ def solve_in_passes(
             return passed
         if weight == 0.0:
             fitting = fine_grid(logs, moved, unknowns)
-            grid = replace(fitting, steps=max(fitting.steps, steps))
+            grid, coarse = replace(fitting, steps=max(fitting.steps, steps)), False
     return failed or accepted  # type: ignore[return-value]  # there is a pass at least
+
+
+def first_grid(logs: list[LogData], trajectories: list[ShootingTrajectory], unknowns: Unknowns) -> Grid:
+    """The coarse grid; the fine one where something lags: longer steps than its time constant are unstable."""
+    lagging = unknowns.model.decays.size_out(0)[0] > 0
+    return fine_grid(logs, trajectories, unknowns) if lagging else COARSE_GRID
 
 
 def fine_grid(logs: list[LogData], trajectories: list[ShootingTrajectory], unknowns: Unknowns) -> Grid:

@@ -257,8 +257,13 @@ def place(
             for q in p:
                 q[model.parameter_names.index(name)] = value
     cycles = _Cycles.of(model, logs, p, slip_times)
-    starts = [_begin_state(model, log, q, f) for log, q, f in zip(logs, p, slip_times, strict=True)]
-    slips, onset = _placed(logs, cycles, _arrests(cycles, starts))
+    contexts, firsts = [LogContext(model, log, q) for log, q in zip(logs, p, strict=True)], [f[:1] for f in slip_times]
+    # A fall is half way down after a quarter of a period, or more where it begins slowly, which its slip then shows.
+    onsets = [first - 0.5 * context.half for context, first in zip(contexts, firsts, strict=True)]
+    for _ in range(3):
+        starts = [_begin_state(*each) for each in zip(contexts, firsts, onsets, strict=True)]
+        slips, onset = _placed(logs, cycles, _arrests(cycles, starts))
+        onsets = [onset[cycles.first & (cycles.log == number)] for number in range(len(logs))]
     trajectories: list[ShootingTrajectory | None] = []
     for number, log in enumerate(logs):
         mine = np.flatnonzero(cycles.log == number)
@@ -323,20 +328,23 @@ def _placed(logs: list[LogData], cycles: _Cycles, x: Array) -> tuple[Slips, Arra
     return slips, best
 
 
-def _begin_state(model: Model, log: LogData, p: Array, slip_times: Array) -> Array:
-    """State at the begin of the window: elongation from its first samples, age of the contact from the first onset."""
-    context, clamped = LogContext(model, log, p), model.clamped
-    first = slip_times[0] if slip_times.size else log.begin
-    x = begin_state(context, max(log.begin + 0.8 * max(first - log.begin, 0.0), log.time[0]))
-    if clamped is None or not slip_times.size:
+def _begin_state(context: LogContext, first: Array, onset: Array) -> Array:
+    """State at the begin of the window: elongation from its first samples, age of the contact from the first onset.
+
+    Args:
+        first: mid-fall time of the first cycle [s] (1,), empty where there is none; onset: of that [s] (1,).
+    """
+    model, log, clamped = context.model, context.log, context.model.clamped
+    fall = float(first[0]) if first.size else log.begin
+    x = begin_state(context, max(log.begin + 0.8 * max(fall - log.begin, 0.0), log.time[0]))
+    if clamped is None or not first.size:
         return x
-    onset = first - 0.5 * context.half  # a fall is half way down after a quarter of a period
     states = aged(x, clamped)
-    u = np.tile([log.drive_speed, float(log.normal_force.at(onset)), 1.0, log.begin], (len(states), 1))
-    times = sticks(model, states, np.tile(p, (len(states), 1)), u)[0]
+    u = np.tile([log.drive_speed, float(log.normal_force.at(onset[0])), 1.0, log.begin], (len(states), 1))
+    times = sticks(model, states, np.tile(context.p, (len(states), 1)), u)[0]
     # Where the first stick is so long that its start is forgotten, half way is as good as any.
-    known = np.ptp(times) > 1e-3 * (onset - log.begin)
-    return states[int(np.argmin(np.abs(times - (onset - log.begin))))] if known else x
+    known = np.ptp(times) > 1e-3 * (onset[0] - log.begin)
+    return states[int(np.argmin(np.abs(times - (onset[0] - log.begin))))] if known else x
 
 
 def _trajectory(
