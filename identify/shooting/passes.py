@@ -4,7 +4,7 @@ after each the samples are assigned anew to the event times of its solution.
 A pass assigns samples to integration steps from constant event times. When the last pass moved no event by more than
 half a sample, or events go to and fro at one cost, the assignment and the answer agree. Where a pass fails, it is
 solved again from where it began within a trust region: a prior on the parameters about the iterate, whose weight grows
-a hundredfold with a pass that fails and falls with one that succeeds, until it is gone.
+a hundredfold with a pass that fails and falls to a tenth with one that succeeds, until it is gone.
 """
 
 from __future__ import annotations
@@ -288,7 +288,7 @@ def solve_in_passes(
             continue
         accepted, trajectories, unknowns = passed, moved, replace(unknowns, start=theta)
         if weight > 0.0:
-            weight = weight / 100.0 if weight > 1.0 else 0.0
+            weight = weight / 10.0 if weight > 1.0 else 0.0
         elif not coarse:
             ends = np.concatenate([place.events for place in problem.layout.places])
             shifts, at = solution.x[ends], solution.x.copy()
