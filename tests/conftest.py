@@ -1,6 +1,6 @@
 """Tests run in CasADi's virtual machine and leave no machine code behind; tests of machine code ask for it.
 
-Those marked slow are whole fits of hard cases, some 10 to 50 s each: they run with --slow.
+Those marked slow take 3 to 50 s each, most of them whole fits of hard cases: they run with --slow.
 """
 
 import gc
@@ -25,7 +25,7 @@ from identify.uneven.slip_functions import slip_functions
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--slow", action="store_true", help="also the tests that take 10 to 50 s each")
+    parser.addoption("--slow", action="store_true", help="also the tests that take 3 to 50 s each")
 
 
 def pytest_configure() -> None:
@@ -49,7 +49,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     if not config.getoption("--slow"):
         for item in items:
             if item.get_closest_marker("slow"):
-                item.add_marker(pytest.mark.skip(reason="takes 10 s and more: run with --slow"))
+                item.add_marker(pytest.mark.skip(reason="takes 3 s and more: run with --slow"))
 
 
 @pytest.fixture(autouse=True)
