@@ -235,7 +235,7 @@ class _Cycles:
 
     def slips(self, x: Array, per_half_period: int = PER_HALF_PERIOD) -> Slips:
         """The slip of every cycle from its arrest x (n, n_x)."""
-        at_onset = sticks(self.model, x, self.p, self.u)[1]
+        at_onset = sticks(self.model, x, self.p, self.u, forward=True)[1]
         return batch.slip(self.model, at_onset, self.p, self.u, per_half_period)
 
 
@@ -341,7 +341,7 @@ def _begin_state(context: LogContext, first: Array, onset: Array) -> Array:
         return x
     states = aged(x, clamped)
     u = np.tile([log.drive_speed, float(log.normal_force.at(onset[0])), 1.0, log.begin], (len(states), 1))
-    times = sticks(model, states, np.tile(context.p, (len(states), 1)), u)[0]
+    times = sticks(model, states, np.tile(context.p, (len(states), 1)), u, forward=True)[0]
     # Where the first stick is so long that its start is forgotten, half way is as good as any.
     known = np.ptp(times) > 1e-3 * (onset[0] - log.begin)
     return states[int(np.argmin(np.abs(times - (onset[0] - log.begin))))] if known else x

@@ -220,7 +220,7 @@ class _FeatureFit:
         model, s = self.model, theta.shape[0]
         p = self.unknowns.values(theta[:, None, :], self.base[None]).reshape(s * self.n_logs, -1)
         u, weight = np.tile(self.u, (s, 1)), np.tile(self.weight, (s, 1))
-        stick, at_onset, _ = sticks(model, batch.at_force(model, arrest.ravel(), p, u), p, u)
+        stick, at_onset, _ = sticks(model, batch.at_force(model, arrest.ravel(), p, u), p, u, forward=True)
         slips = batch.slip(model, at_onset, p, u, PER_HALF_PERIOD)  # the time of day hardly moves in a cycle
         ok = slips.rested & np.isfinite(stick)
         waves, middle = Waves.of_slips(model, slips, p, u, ok)

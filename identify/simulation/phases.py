@@ -185,27 +185,28 @@ SCAN = np.geomspace(1e-6, 1.0, 33)  # of a rest: where the margin is looked at i
 
 
 @lru_cache(maxsize=16)
-def rest_row(model: Model) -> Mapped:
-    """Of a rest, by (x, p, u at its start, t): breakaway margin [N], its slope, force of the drive [N], the state."""
+def rest_row(model: Model, forward: bool = False) -> Mapped:
+    """Of a rest, by (x, p, u at its start, t): breakaway margin [N], its slope, force of the drive [N], the state.
+    forward: as if the mass could not be pulled back, so that what slips backwards now and then still has cycles."""
     x, p, u = ca.SX.sym("x", len(model.states)), ca.SX.sym("p", len(model.parameters)), ca.SX.sym("u", len(INPUTS))
     t = ca.SX.sym("t")
     then = ca.vertcat(u[:TIME], u[TIME] + t)
     rested = model.rest(x, p, then, t)
     force = model.driving_force(rested, p, then)
-    margin = model.grip(rested, p, then) - ca.fabs(force)
+    margin = model.grip(rested, p, then) - (force if forward else ca.fabs(force))
     row = ca.vertcat(margin, ca.jacobian(margin, t), force, rested)
     return Mapped(ca.Function("rest_row", [x, p, u, t], [ca.cse(ca.densify(row))]))
 
 
-def sticks(model: Model, x: Array, p: Array, u: Array) -> tuple[Array, Array, Array]:
+def sticks(model: Model, x: Array, p: Array, u: Array, forward: bool = False) -> tuple[Array, Array, Array]:
     """Durations (n,) [s] of rests from states x (n, n_x) until the static limit is overcome (0: at once; NaN: never),
-    the states there (n, n_x), the forces of the drive (n,) [N]; p (n, n_p), u (n, 4) at the start."""
+    the states there (n, n_x), the forces of the drive (n,) [N]; p (n, n_p), u (n, 4) at the start; see `rest_row`."""
     # The first zero of the breakaway margin is bracketed, by a scan where transients may bring several.
     x, low, stiffness = x.copy(), np.zeros(len(x)), p[:, model.parameter_names.index("stiffness")]
     x[:, SPEED] = 0.0
 
     def look(t: Array) -> Array:
-        return rest_row(model)([x, p, u, t])[0]
+        return rest_row(model, forward)([x, p, u, t])[0]
 
     with np.errstate(all="ignore"):
         high = 2.0 * (np.max(p[:, :2], axis=1) * u[:, 1] / stiffness + np.abs(x[:, ELONGATION])) / u[:, 0]
