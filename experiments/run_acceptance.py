@@ -10,7 +10,7 @@ is the fixed part that is run after each step. `--set second` draws the same rec
 run only at the end of a change of the fit, and nothing is ever mended on its cases.
 
 `results/acceptance_before.jsonl` holds the cases of the third that were run at b89a542, before the fit was halved,
-`results/acceptance_after.jsonl` most samples whole, at 4f78dd2a to 5ef18a1 (few older),
+`results/acceptance_after.jsonl` most samples whole, at 4f78dd2a to d6b328ea (few older),
 `results/acceptance_second_after.jsonl` 24 of a second set there (numbers from 10,000 on, since given up).
 
     python experiments/run_acceptance.py run SAMPLE|all [FIRST LAST] --out FILE.jsonl [--subset third] [--cpu-clock]
