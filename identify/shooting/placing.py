@@ -440,7 +440,7 @@ def onset_on_data(context: LogContext, since: float, onset: float, x: Array, spr
 BRIEF = 0.05  # of half a period: a contact that re-ages for so short before it rests does so in closed form
 CHUNK = 6.0  # half periods that are simulated at a time
 FADED = 0.2  # of the noise: an oscillation that is smaller is not followed
-LONGEST = 60  # half periods of one slide that are followed: more of them make a problem of 10,000 unknowns and more
+LONGEST = 120  # half periods of one slide that are followed
 AFTER = 0.1  # of a slide: how much of the rest after it is taken where the motion is not followed further
 
 
