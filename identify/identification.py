@@ -120,7 +120,7 @@ def fit(
         where the search starts: "data", "user" (the scene's `start` values before the data), "both"; default both
         where the scene gives a start, else the data.
     seed : int, optional
-        of the random starts, where the data's own do not fit or the data hardly tell some parameter, and of the
+        of the random starts, where the data's own do not fit or the data barely determine some parameter, and of the
         bootstrap.
     options : FitOptions, optional
         how finely, and which further looks at how sure the answer is.

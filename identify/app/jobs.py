@@ -50,17 +50,17 @@ COMMANDS: Mapping[str, Mapping[str, str]] = {
 }  # fmt: skip
 
 
-def words_of(folder: Folder, asked: Document) -> tuple[list[str], str]:
+def words_of(folder: Folder, request: Document) -> tuple[list[str], str]:
     """The words after `stickslip`, and what the command writes (a path in the folder, "" for nothing)."""
-    name = str(asked.get("command"))
+    name = str(request.get("command"))
     if name not in COMMANDS:
         raise PageError(f"the page runs no such command; expected one of {', '.join(COMMANDS)}")
     options = COMMANDS[name]
-    if foreign := sorted(set(asked) - {"command", *options}):
+    if foreign := sorted(set(request) - {"command", *options}):
         raise PageError(f"{name} has no option {foreign[0]!r} in the page; use the command line for it")
     words, out = [name], ""
     for key, kind in options.items():
-        value = asked.get(key)
+        value = request.get(key)
         if not value:
             continue
         if kind == "paths":

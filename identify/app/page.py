@@ -73,8 +73,8 @@ class Page:
         return found | {"folder": str(self.folder.root), "logs": logs, "fits": fits, "jobs": self.jobs.listed()}
 
     @staticmethod
-    def _span(asked: PageQuery) -> tuple[float, float]:
-        return asked.read("begin", float, -np.inf), asked.read("end", float, np.inf)
+    def _span(query: PageQuery) -> tuple[float, float]:
+        return query.read("begin", float, -np.inf), query.read("end", float, np.inf)
 
     def _put_examples(self) -> Document:
         """Copy the example logs and their scene into the folder; what is there already stays."""
@@ -83,9 +83,9 @@ class Page:
                 shutil.copyfile(item, self.folder.root / item.name)
         return {}
 
-    def _write_manifest(self, asked: PageQuery) -> Document:
+    def _write_manifest(self, query: PageQuery) -> Document:
         """Write the manifest of a batch: rows of path, group, drive_speed and labels."""
-        path, rows = self.folder.path(asked.values.get("path")), asked.values.get("rows")
+        path, rows = self.folder.path(query.values.get("path")), query.values.get("rows")
         if path.suffix != ".csv" or (path.exists() and not self._rows(path)):
             raise PageError(f"{path.name} is no manifest; choose a new name that ends in .csv")
         if not isinstance(rows, list) or not rows or not all(isinstance(row, dict) for row in rows):
@@ -109,9 +109,9 @@ class Page:
 
     # ---- one log -----------------------------------------------------------------------------------------------------
 
-    def _open_log(self, asked: PageQuery) -> Document:
+    def _open_log(self, query: PageQuery) -> Document:
         """Whether a log is in memory, what is in it, and where it stands in a scene."""
-        name, options, entry = self._named(asked)
+        name, options, entry = self._named(query)
         opened, seen = self.logs.opened(name, options), self.looks.of(name, waited_for=True)
         ready = opened.record is not None
         about: Document = {"path": name, "share": opened.share, "error": opened.error, "ready": ready}
@@ -131,50 +131,50 @@ class Page:
 
     # ---- scenes, simulations and maps --------------------------------------------------------------------------------
 
-    def _edit(self, asked: PageQuery) -> Document:
+    def _edit(self, query: PageQuery) -> Document:
         """Put a text, some fields, or logs into the draft of a scene."""
-        name, text = asked.text("path"), asked.values.get("text")
+        name, text = query.text("path"), query.values.get("text")
         text = text if isinstance(text, str) else self.scenes.text(name)
-        for change in asked.read("changes", list, ()):
+        for change in query.read("changes", list, ()):
             if not isinstance(change, dict) or not isinstance(change.get("keys"), list):
                 raise PageError("a change of a scene has keys and a value; load the page again")
             text = edited(text, change["keys"], change.get("value"))
-        for log in asked.read("logs", list, ()):
+        for log in query.read("logs", list, ()):
             self.folder.file(log)
             text = with_log(text, log)
         return self.scenes.keep(name, text)
 
-    def _try(self, asked: PageQuery) -> Document:
+    def _try(self, query: PageQuery) -> Document:
         """Simulate some cycles of a log with other values."""
-        scene, number = self._scene(asked), asked.whole("number", 0)
+        scene, number = self._scene(query), query.whole("number", 0)
         log = self._segmented(scene, number)
-        cycles = range(first := max(asked.whole("first", 0), 0), first + max(asked.whole("count", 8), 1))
-        return tried(scene, log, asked.numbers("values"), cycles)
+        cycles = range(first := max(query.whole("first", 0), 0), first + max(query.whole("count", 8), 1))
+        return tried(scene, log, query.numbers("values"), cycles)
 
-    def _point(self, asked: PageQuery) -> Document:
+    def _point(self, query: PageQuery) -> Document:
         """The quantities of a map, and the answer at an operating point."""
         result, scene = None, None
-        if asked.values.get("fit"):
-            path = self.folder.path(asked.values["fit"]) / "result.json"
+        if query.values.get("fit"):
+            path = self.folder.path(query.values["fit"]) / "result.json"
             result = read_result(path)
             scene = scene_of_result(result, path)
-        scene = scene or self._scene(asked)
+        scene = scene or self._scene(query)
         try:
-            site = site_at(scene, result, asked.whole("number", 0))
+            site = site_at(scene, result, query.whole("number", 0))
         except (PageError, SceneError) as error:  # an answer: which number is missing for a map
             return {"missing": str(error)}
-        return {"axes": axes_of(site), **answer_at(site, result, asked.numbers("changes"))}
+        return {"axes": axes_of(site), **answer_at(site, result, query.numbers("changes"))}
 
     # ---- what several of these need ----------------------------------------------------------------------------------
 
-    def _scene(self, asked: PageQuery) -> Scene:
-        return self.scenes.scene(asked.text("scene"))
+    def _scene(self, query: PageQuery) -> Scene:
+        return self.scenes.scene(query.text("scene"))
 
-    def _named(self, asked: PageQuery) -> tuple[str, Document, LogEntry | None]:
+    def _named(self, query: PageQuery) -> tuple[str, Document, LogEntry | None]:
         """Path, reading options and entry of a log: one of a scene by its number, or a file by its path."""
-        if not asked.values.get("scene"):
-            return asked.text("path"), {}, None
-        return self._of_scene(self._scene(asked), asked.whole("number", 0))
+        if not query.values.get("scene"):
+            return query.text("path"), {}, None
+        return self._of_scene(self._scene(query), query.whole("number", 0))
 
     def _of_scene(self, scene: Scene, number: int) -> tuple[str, Document, LogEntry]:
         """The same of a log of a scene."""

@@ -100,15 +100,15 @@ def fit_seen(folder: Folder, name: str) -> Document:
     return dict(plain(shown))
 
 
-def fit_picture(folder: Folder, name: str, asked: PageQuery) -> Response:
+def fit_picture(folder: Folder, name: str, query: PageQuery) -> Response:
     """One of PICTURES of the fit in a folder, at the width of one or two columns of a paper (a PNG at 300 dpi)."""
-    kind, form = asked.text("kind"), asked.text("form")
+    kind, form = query.text("kind"), query.text("form")
     if kind not in PICTURES or form not in FORMS:
         raise PageError(f"a fit has no picture {kind}.{form}; load the page again")
     out = io.BytesIO()
     with ONE_AT_A_TIME, drawing_style():
         figure = getattr(fit_of(folder, name), f"plot_{kind}")().figure
-        figure.set_size_inches(COLUMN if asked.whole("columns", 1) == 1 else TWO_COLUMNS)
+        figure.set_size_inches(COLUMN if query.whole("columns", 1) == 1 else TWO_COLUMNS)
         figure.savefig(out, format=form, dpi=300)
     return Response(out.getvalue(), media_type=FORMS[form])
 

@@ -103,16 +103,16 @@ def _endpoint(work: Callable[[PageQuery], Answer]) -> Callable[[Request], Awaita
     """Ask `work` in a thread; curves go back as they lie in memory, everything else as JSON."""
 
     async def answer(request: Request) -> Response:
-        asked, body = Document(request.query_params), b""
+        query, body = Document(request.query_params), b""
         async for piece in request.stream():
             body += piece
             if len(body) > LARGEST_QUESTION:
                 return _refused("this request is larger than any of the page; load the page again", 413)
         try:
-            asked |= json.loads(body or b"{}")
+            query |= json.loads(body or b"{}")
         except (ValueError, TypeError, RecursionError):
             return _refused("the question is no JSON; load the page again")
-        found = await run_in_threadpool(work, PageQuery(asked))
+        found = await run_in_threadpool(work, PageQuery(query))
         if isinstance(found, Response):
             return found
         if isinstance(found, np.ndarray):

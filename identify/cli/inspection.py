@@ -120,11 +120,11 @@ def _measured_at(record: Record, steps: Sequence[StepSeen], known: Known) -> lis
         rows, phases = slice(step.step.start, step.step.stop), step.phases
         slip = known.half_period / phases.sample_interval
         each.append(jumps(step.signs * record.friction_force[rows], phases, slip))
-    count, falls = np.sum(each or [(0, 0)], axis=0).tolist()
-    if sensor_place(count, falls) != "counterface":
+    count, drops = np.sum(each or [(0, 0)], axis=0).tolist()
+    if sensor_place(count, drops) != "counterface":
         return []
     return [
-        f"{count} of {falls} falls of the force are jumps from one sample to the next, as under a counterface: where a "
+        f"{count} of {drops} drops of the force are jumps from one sample to the next, as under a counterface: where a "
         'plate there measures it, a scene needs force_sensor = "counterface" under [rig]'
     ]
 

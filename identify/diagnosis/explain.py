@@ -106,26 +106,26 @@ def explain(
 def sensor_elsewhere(
     scene: Scene, read: Sequence[Record], prepared: Sequence[Prepared], unknowns: Unknowns
 ) -> Findings | None:
-    """Findings that the force was measured elsewhere than the scene says: the falls of the logs look so (jumps under a
+    """Findings that the force was measured elsewhere than the scene says: the drops of the logs look so (jumps under a
     counterface, none at the drive), and a fit with the other sensor confirms it. Else None."""
     each = np.array([log.jumps for log in prepared if log.left_out is None or log.never_slips] or [(0, 0)])
-    count, falls = each.sum(axis=0).tolist()
-    place = sensor_place(count, falls)
+    count, drops = each.sum(axis=0).tolist()
+    place = sensor_place(count, drops)
     if place is None or place == scene.rig.force_sensor:
         return None
     began = now()
     with tracing(apart=True), within(SENSOR_SHARE * seconds_left()):
-        found = fit_model(replace(scene, rig=replace(scene.rig, force_sensor=place)), read, thorough=True)
+        refit = fit_model(replace(scene, rig=replace(scene.rig, force_sensor=place)), read, thorough=True)
     note(SearchTrial(f"{REFIT}: force_sensor", (), "examined", None, round(now() - began, 4)))
-    if found.attempt is None or not found.attempt.fits:
+    if refit.attempt is None or not refit.attempt.fits:
         return None
-    solved, at = found.attempt.solved, replace(unknowns, start=found.attempt.solved.theta)
-    stated = shooting_problem([log.data for log in found.attempt.fitted_logs], solved.trajectories, at, solved.grid)
+    solved, at = refit.attempt.solved, replace(unknowns, start=refit.attempt.solved.theta)
+    stated = shooting_problem([log.data for log in refit.attempt.fitted_logs], solved.trajectories, at, solved.grid)
     squares = 2.0 * stated.evaluate(stated.start, derivatives=False).cost / max(stated.samples, 1)
-    cause = CauseResult("force_sensor", None, 1, squares * stated.samples - found.excess, None, count / falls, None)
+    cause = CauseResult("force_sensor", None, 1, squares * stated.samples - refit.excess, None, count / drops, None)
     where = "by a plate under the counterface" if place == "counterface" else "between drive and mass"
     message = (
-        f"a force measured {where} ({count} of {falls} falls are jumps) explains the misfit within the noise: "
+        f"a force measured {where} ({count} of {drops} drops are jumps) explains the misfit within the noise: "
         f'force_sensor = "{place}" under [rig]; as stated the model does not describe these data (misfit {squares:.3g} '
         "times the noise variance there)"
     )

@@ -47,7 +47,7 @@ zeta = "TODO"   # damping ratio: tap the holder, drive at rest; if n swings late
 SENSOR
 """
 SENSORS = {
-    True: 'force_sensor = "counterface"   # the force jumps at many falls, as a plate there shows it; else "drive"',
+    True: 'force_sensor = "counterface"   # the force jumps at many drops, as a plate there shows it; else "drive"',
     False: '# force_sensor = "counterface"   # where a plate there measures the force, and no load cell at the drive',
 }
 
@@ -73,8 +73,8 @@ class Draft:
 @dataclass(frozen=True)
 class _Seen:
     """What one piece shows, SI. stiffness [N/m]: while the contact sticks, the force rises at stiffness times drive
-    speed; slope [N/s]: of a typical stick; None without one, or an unknown speed; jumps: how many falls of the force
-    are jumps, and how many falls there are; left_out: why it is, "" where not."""
+    speed; slope [N/s]: of a typical stick; None without one, or an unknown speed; jumps: how many drops of the force
+    are jumps, and how many drops there are; left_out: why it is, "" where not."""
 
     piece: DraftLog
     drive: RecordedDrive
@@ -152,8 +152,8 @@ def _seen(piece: DraftLog) -> _Seen:
     )
     slope = float(np.median([slope for slope, _ in slopes])) if slopes else None
     stiffness = float(np.median(stiffnesses)) if stiffnesses else None
-    falls = jumps(signs * record.friction_force, whole, 0.0)
-    return _Seen(piece, drive, facts, slope, stiffness, whole.noise, slides, falls, left_out)
+    drops = jumps(signs * record.friction_force, whole, 0.0)
+    return _Seen(piece, drive, facts, slope, stiffness, whole.noise, slides, drops, left_out)
 
 
 def _log_lines(log: _Seen, folder: Path, options: Mapping[str, object], rest: _Seen | None) -> list[str]:

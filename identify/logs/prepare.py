@@ -450,7 +450,7 @@ class Prepared:
 
     @cached_property
     def jumps(self) -> tuple[int, int]:
-        """How many falls of its force are jumps, and how many falls there are; see `segment.jumps`."""
+        """How many drops of its force are jumps, and how many drops there are; see `segment.jumps`."""
         inside = slice(*np.searchsorted(self.record.time, self.span))
         force, noisy = shown(self.force, self.used)[inside], replace(self.segmentation, noise=self.data.noise)
         return jumps(force, replace(noisy, spikes=~self.used[inside]), self.rig.half_period / self.data.interval)

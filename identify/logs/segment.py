@@ -39,7 +39,7 @@ FADED = (0.85, 0.94)  # drop and steepness of the last swing against the first, 
 LOADING_RISE = 1.3  # times the typical drop: a first rise above that is loading from rest
 LINE_BLOCKS = ((24, 3), (12, 2), (8, 2))  # samples, and degree of its line: a rise between fast slips is bent
 WIDTHS, FEWEST_OF_SLIP = 16, 12  # windows of a slip, and samples of one, in which a jump is seen
-JUMPS = 0.25  # of the falls, that jump under the counterface at least: as a rule half of them
+JUMPS = 0.25  # of the drops, that jump under the counterface at least: as a rule half of them
 SHARP = 0.75  # of a fall over the wide window, that a jump makes in the narrow one
 SAME_FORCE = 3.0  # standard deviations by which two forces differ by chance
 RESOLVED = 0.5  # of a natural period over 2 pi, that samples may lie apart to show what a resonance does
@@ -595,7 +595,7 @@ def drive_force(time: Array, force: Array, frequency: float, zeta: float) -> Arr
 
 
 def jumps(force: Array, phases: Segmentation, slip: float) -> tuple[int, int]:
-    """How many falls of a force (n,) [N] are jumps from one sample to the next, and how many falls there are.
+    """How many drops of a force (n,) [N] are jumps from one sample to the next, and how many drops there are.
 
     A smooth fall is four times as high over a window of four times the width, a jump as high. Under the counterface
     the force jumps at every arrest, and falls once more at the onset; at the drive it swings.
@@ -615,11 +615,11 @@ def jumps(force: Array, phases: Segmentation, slip: float) -> tuple[int, int]:
     return int(np.count_nonzero(sharpest > SHARP * highest)), int(highest.size)
 
 
-def sensor_place(count: int, falls: int) -> ForceSensorPlace | None:
-    """Where a force was measured of which so many falls are jumps; None where there are too few to say."""
-    if falls < FEW_SLIPS:
+def sensor_place(count: int, drops: int) -> ForceSensorPlace | None:
+    """Where a force was measured of which so many drops are jumps; None where there are too few to say."""
+    if drops < FEW_SLIPS:
         return None
-    return "counterface" if count > JUMPS * falls else "drive"
+    return "counterface" if count > JUMPS * drops else "drive"
 
 
 def noise_on_lines(force: Array, sticks: Iterable[tuple[int, int]], time: Array | None = None) -> float | None:

@@ -145,9 +145,9 @@ def run_cycle(model: Model, y: Array, w: Array, limit: float, rtol: float = ACCU
             rests = margin > 0.0
             if rests:
                 break
-    crept = t < CREEP * float(half_periods(model, w[None])[0])
+    creeps = t < CREEP * float(half_periods(model, w[None])[0])
     lasted = longest if stick is None else stick
-    return Cycle(start, onset, x, lasted, t, w, tuple(slides)) if rests and not crept else None
+    return Cycle(start, onset, x, lasted, t, w, tuple(slides)) if rests and not creeps else None
 
 
 def tangent_of(model: Model, cycle: Cycle) -> Tangent:

@@ -372,7 +372,7 @@ class _LogTranscriber:
 
     def _slip_loads(self) -> Indices:
         """Deviations of the normal force at the ends of the slips from rest (q,), which then hold for what follows in
-        that part: a tremor goes through half a period while a slip lasts."""
+        that part: the jitter goes through half a period while a slip lasts."""
         slips, error = self.trajectory.own_slips, self.log.normal_force_sd
         self.jitter = np.zeros(self.part.size, dtype=bool)
         if not (self.log.jitter_sd > 0.0 and slips):
