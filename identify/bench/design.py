@@ -5,8 +5,9 @@ of the sensitivities of its force, times samples per second, over the variance o
 either, the start of the log and the load in each cycle, is eliminated. Logs are chosen one after the other by what
 each adds to what is known already (greedy D-optimal design; Pukelsheim, Optimal Design of Experiments, 1993).
 
-Sensitivities are exact: those of a cycle by the rest state before it and by its setting (`prediction.orbit`), chained
-from cycle to cycle; at a fixed time they also hold how far the beginnings of the stick and of the slip have moved.
+Sensitivities are central differences of cycles, all of a log in one batch: by the rest state before it, the free
+parameters and the load. They are chained from cycle to cycle; at a fixed time they also hold how far the beginnings of
+the stick and of the slip have moved.
 """
 
 from __future__ import annotations
@@ -25,18 +26,8 @@ from identify.estimation.covariance import IDENTIFIED, inverse, sizes
 from identify.estimation.fit_wording import WANTED, round_up
 from identify.logs.unknowns import Unknowns
 from identify.model.model import ELONGATION, SPEED, Model
-from identify.prediction.batch import CycleBatch
-from identify.prediction.orbit import (
-    Cycle,
-    Tangent,
-    check_calculable,
-    load_slopes,
-    rest_slopes,
-    run_cycle,
-    tangent_of,
-)
+from identify.prediction.cycles import CLOSELY, CycleBatch, check_calculable
 from identify.shooting.layout import BOUNDED_START_SD
-from identify.simulation.phases import stepped
 
 Array = NDArray[np.float64]
 
@@ -44,8 +35,8 @@ CYCLES = 8  # that are simulated of a steady drive at most; later ones repeat th
 REPEATS = 1e-3  # of normal force / stiffness: a cycle that begins like the one before repeats it
 DISTINCT = 40  # cycles with a load of their own each: of more, each informs as much as these do on average, at least
 LEAST = 4  # cycles of a log
-POINTS, WEIGHTS = np.polynomial.legendre.leggauss(6)  # of a stick, at which sensitivities are taken
-STEP = 1e-6  # of a logarithm, and of a spread, for differences of closed forms
+STICK, SLIP = (np.polynomial.legendre.leggauss(n) for n in (6, 64))  # at which sensitivities are taken: points, weights
+STEP = 1e-3  # of a logarithm, a spread, a typical rest state and the load: differences
 
 SETUP = 60.0  # [s] that a log costs beside its duration
 SAFE = 0.9  # of what `identified` allows
@@ -71,63 +62,70 @@ class LogDesign:
 
 
 @dataclass(frozen=True)
-class CycleSensitivity:
-    """Force [N] at moments of a cycle (r,): slopes (r, m) at fixed times since the beginning of the stick, or of the
-    slip, by rest state and setting; rates (r,) [N/s]; seconds (r,) that each counts for; slips (r,): whether it lies in
-    the slip."""
-
-    cycle: Cycle
-    tangent: Tangent
-    slopes: Array
-    rates: Array
-    seconds: Array
-    slips: NDArray[np.bool_]
-
-    @staticmethod
-    def of(model: Model, cycle: Cycle) -> CycleSensitivity:
-        """Of a cycle: a stick at the nodes of Gauss's rule, a slip at its own."""
-        w, tangent, n = cycle.setting, tangent_of(model, cycle), cycle.start.size
-        times, forwards = 0.5 * cycle.stick * (1.0 + POINTS), np.array([w[-1], w[-2], 1.0, 0.0])
-        given = [np.tile(cycle.start, (times.size, 1)), np.tile(w, (times.size, 1)), times]
-        rested = rest_slopes(model)(given)[0].reshape(times.size, n + 1, n + w.size + 1)[:, 1:]
-        states = [np.array(model.rest(cycle.start, w[:-2], forwards, times[None])).T]
-        moved, rates = [np.delete(rested[..., :-1], SPEED, 2)], [rested[..., -1]]
-        seconds = [0.5 * cycle.stick * WEIGHTS]
-        for slide, nodes in zip(cycle.slides, tangent.nodes, strict=True):
-            steps = np.diff(slide.t)
-            states.append(slide.x)
-            moved.append(nodes)
-            rates.append(stepped(model, slide, slide.x, np.zeros(slide.t.size))[1])
-            seconds.append(0.5 * (np.append(0.0, steps) + np.append(steps, 0.0)))
-        x = np.concatenate(states)
-        ends = zip((False, True), np.split(x, [times.size]), strict=True)  # of the stick, of the slip
-        load = np.concatenate([load_slopes(model, slides=s)([q, np.tile(w, (len(q), 1))])[0] for s, q in ends])
-        slopes = np.einsum("rx,rxm->rm", load[:, 1 : n + 1], np.concatenate(moved))
-        slopes[:, -w.size :] += load[:, n + 1 :]
-        force_rates = np.sum(load[:, 1 : n + 1] * np.concatenate(rates), axis=1)
-        return CycleSensitivity(
-            cycle, tangent, slopes, force_rates, np.concatenate(seconds), np.arange(len(x)) >= times.size
-        )
-
-
-@dataclass(frozen=True)
 class SimulatedLog:
     """A log of a design at one place of the parameters, from rest with a fresh contact.
 
-    cycles: the first ones, the last of which repeats. by_theta (n_w, f): of the setting by the f free theta; starts
-    (s,): places in a rest state of what a fit does not know of the start (how far the spring is loaded, how fresh the
-    contact is), which it takes to be within start_sd.
+    sticks, slips (c,): durations [s] of the first cycles, the last of which repeats. All slopes are by the rest state
+    before a cycle, the f free theta and the load, m = n_y + f + 1 columns: stick_slopes, slip_slopes (c, m); end
+    (c, n_y, m) of the rest state after it; slopes (c, r, m) of the force [N] at moments of a cycle, at fixed times
+    since the beginning of the stick or of the slip; rates (c, r) of the force [N/s]; seconds (c, r) that each counts
+    for. starts: places in a rest state of what a fit does not know of the start: how far the spring is loaded, how
+    fresh the contact is.
     """
 
-    cycles: tuple[CycleSensitivity, ...]
-    by_theta: Array
+    sticks: Array
+    slips: Array
+    stick_slopes: Array
+    slip_slopes: Array
+    end: Array
+    slopes: Array
+    rates: Array
+    seconds: Array
     starts: tuple[int, ...]
-    start_sd: Array
+
+    @staticmethod
+    def of(model: Model, given: Array, moves: Array, across: Array, starts: tuple[int, ...]) -> SimulatedLog | None:
+        """The cycles from rest states and settings `given` (c, n_y + n_w); None where one of them, or of those beside
+        it, is no cycle, or the spring pulls the mass back.
+
+        Args:
+            moves (2, m, n_y + n_w): what each column adds up and down, which lie `across` (m,) from each other.
+        """
+        count, n_y = len(given), len(model.states) - 1
+        every = given[:, None] + np.vstack([np.zeros_like(moves[0, :1]), *moves])
+        batch = CycleBatch(model, every[..., n_y:].reshape(-1, every.shape[2] - n_y))
+        rows = batch.run(every[..., :n_y].reshape(-1, n_y), CLOSELY)
+        if not np.all(rows.rests) or any(np.any(node.direction < 0.0) for node in rows.nodes):
+            return None
+        stick, slip = (duration.reshape(count, -1) for duration in (rows.stick, rows.slip))
+        times = [0.5 * own[:, :1] * (1.0 + points) for own, (points, _) in ((stick, STICK), (slip, SLIP))]
+        force, rates = batch.forces(rows, *(np.repeat(each, every.shape[1], axis=0) for each in times))
+        # A state at its bound moves to one side only.
+        begun = np.delete(rows.start, SPEED, 1).reshape(count, -1, n_y)
+        apart = np.tile(across, (count, 1))
+        apart[:, :n_y] = [np.diag(each) for each in begun[:, 1 : 1 + n_y] - begun[:, 1 + len(across) :][:, :n_y]]
+
+        def slopes(values: Array) -> Array:
+            """By the columns, of what has a value for each row."""
+            up, down = np.split(values.reshape(count, len(every[0]), -1)[:, 1:], 2, axis=1)
+            return np.moveaxis((up - down) / apart[..., None], 1, 2)
+
+        return SimulatedLog(
+            sticks=stick[:, 0],
+            slips=slip[:, 0],
+            stick_slopes=slopes(stick)[:, 0],
+            slip_slopes=slopes(slip)[:, 0],
+            end=slopes(rows.y),
+            slopes=slopes(force),
+            rates=rates.reshape(count, -1, rates.shape[1])[:, 0],
+            seconds=0.5 * np.hstack([stick[:, :1] * STICK[1], slip[:, :1] * SLIP[1]]),
+            starts=starts,
+        )
 
     @cached_property
     def ends(self) -> Array:
         """When the cycles begin and end [s]."""
-        return np.cumsum([0.0, *(rows.cycle.stick + rows.cycle.slip for rows in self.cycles)])
+        return np.cumsum([0.0, *(self.sticks + self.slips)])
 
     @property
     def period(self) -> float:
@@ -137,11 +135,11 @@ class SimulatedLog:
     @property
     def slip(self) -> float:
         """How long a slip takes [s]."""
-        return float(np.median([rows.cycle.slip for rows in self.cycles]))
+        return float(np.median(self.slips))
 
     def duration(self, cycles: float) -> float:
         """Seconds that so many cycles take."""
-        known = len(self.cycles)
+        known = len(self.sticks)
         return float(np.interp(cycles, np.arange(known + 1), self.ends) + max(cycles - known, 0.0) * self.period)
 
     def count(self, seconds: float) -> float:
@@ -156,27 +154,25 @@ class SimulatedLog:
             rate: independent samples per second; variance: of each [N^2]. load_sd: error of the normal force [N],
                 another one in each cycle (0: none). cycles: a part of one informs in proportion.
         """
-        f, s = self.by_theta.shape[1], len(self.starts)
+        n_y, m = self.end.shape[1:]
+        f, s = m - n_y - 1, len(self.starts)
         whole = min(max(math.ceil(cycles), 1), DISTINCT)
-        size = f + s + whole
-        setting, shift = np.zeros((len(self.by_theta), size)), np.zeros(size)
-        setting[:, :f] = self.by_theta
-        state = np.zeros((self.cycles[0].tangent.end.shape[0], size))
+        size, slipping = f + s + whole, np.arange(self.rates.shape[1]) >= STICK[0].size
+        state, mine, shift = np.zeros((n_y, size)), np.eye(f + 1, size), np.zeros(size)
         state[self.starts, np.arange(f, f + s)] = 1.0
         total = np.zeros((size, size))
         for number in range(whole):
-            rows = self.cycles[min(number, len(self.cycles) - 1)]
-            mine = setting.copy()
-            mine[-2, f + s + number] = 1.0
-            given, tangent = np.vstack([state, mine]), rows.tangent
-            stick = tangent.stick @ given
-            slopes = rows.slopes @ given - np.outer(rows.rates, shift) - np.outer(rows.rates * rows.slips, stick)
-            total += slopes.T @ (slopes * rows.seconds[:, None])
-            state, shift = tangent.end @ given, shift + stick + tangent.slip @ given
+            at = min(number, len(self.sticks) - 1)
+            mine[f], mine[f, f + s + number] = 0.0, 1.0
+            given, rates = np.vstack([state, mine]), self.rates[at]
+            stick = self.stick_slopes[at] @ given
+            slopes = self.slopes[at] @ given - rates[:, None] * (shift + slipping[:, None] * stick)
+            total += slopes.T @ (slopes * self.seconds[at, :, None])
+            state, shift = self.end[at] @ given, shift + stick + self.slip_slopes[at] @ given
         total *= rate / variance
         total = total if load_sd > 0.0 else total[: f + s, : f + s]
-        own = np.arange(f, len(total))
-        total[own, own] += np.append(self.start_sd, np.full(own.size - s, load_sd)) ** -2.0
+        own, start_sd = np.arange(f, len(total)), [np.inf if i == ELONGATION else BOUNDED_START_SD for i in self.starts]
+        total[own, own] += np.append(start_sd, np.full(own.size - s, load_sd)) ** -2.0
         scale = 1.0 / np.sqrt(np.maximum(np.diag(total), 1e-300))
         scaled = total * np.outer(scale, scale)
         across = scaled[:f, f:]
@@ -200,36 +196,34 @@ def simulated_log(
     def setting(theta: Array) -> Array:
         return np.append(unknowns.values(theta, own), [design.normal_force, design.speed])
 
-    w, columns = setting(theta), []
-    for index in np.flatnonzero(unknowns.free).tolist():
-        step = (
-            STEP * (1.0 if unknowns.logarithmic[index] else float(unknowns.spread[index])) * np.eye(theta.size)[index]
-        )
-        columns.append((setting(theta + step) - setting(theta - step)) / (2.0 * np.sum(step)))
+    w, free = setting(theta), np.flatnonzero(unknowns.free).tolist()
     # What a fit does not know of the start: the spring can be loaded already, and the contact be older.
     starts = [i for i, state in enumerate(model.states) if i == ELONGATION or state.lower is not None]
-    cycles, seconds = list[CycleSensitivity](), 0.0
     try:
         check_calculable(model)
-        y, batch = np.delete([state.start for state in model.states], SPEED), CycleBatch(model, w[None])
-        while len(cycles) < CYCLES:
-            cycle = run_cycle(model, y, w, float(batch.limit[0]))
-            if cycle is None or any(part.situated.direction < 0.0 for part in cycle.slides):
+        batch, y = CycleBatch(model, w[None]), np.delete([[state.start for state in model.states]], SPEED, 1)
+        given, seconds = list[Array](), 0.0
+        while len(given) < CYCLES:
+            cycle = batch.run(y)
+            seconds += float(cycle.stick[0] + cycle.slip[0])
+            if not cycle.rests[0] or (seconds > longest and not given):
                 return None
-            seconds += cycle.stick + cycle.slip
-            if seconds > longest and not cycles:
-                return None
-            cycles.append(CycleSensitivity.of(model, cycle))
-            before, y = y, np.delete(cycle.end, SPEED)
-            if seconds > longest or np.max(np.abs(y - before) / batch.scale[0]) < REPEATS:
+            given.append(np.append(y, w))
+            before, y = y, cycle.y
+            if seconds > longest or np.max(np.abs(y - before) / batch.scale) < REPEATS:
                 break
+        steps = [STEP * (1.0 if unknowns.logarithmic[i] else unknowns.spread[i]) for i in free]
+        n_y, sizes = y.size, STEP * batch.scale[0]
+        moves = np.zeros((2, n_y + len(free) + 1, n_y + w.size))  # up and down, what each column moves
+        for side, sign in enumerate((1.0, -1.0)):
+            moves[side, range(n_y), range(n_y)] = sign * sizes
+            theta_moves = zip(steps, np.eye(theta.size)[free], strict=True)
+            moves[side, n_y:-1, n_y:] = [setting(theta + sign * step * unit) - w for step, unit in theta_moves]
+            moves[side, -1, -2] = sign * STEP * design.normal_force
+        across = 2.0 * np.array([*sizes, *steps, STEP * design.normal_force])
+        return SimulatedLog.of(model, np.array(given), moves, across, tuple(i - (i > SPEED) for i in starts))
     except SimulationError:
         return None
-    if not all(np.all(np.isfinite(rows.slopes)) for rows in cycles):
-        return None
-    sd = np.array([np.inf if i == ELONGATION else BOUNDED_START_SD for i in starts])
-    at_rest = tuple(i - (i > SPEED) for i in starts)
-    return SimulatedLog(tuple(cycles), np.stack(columns, axis=1), at_rest, sd)
 
 
 # The choice: what is known, what each log adds.
@@ -259,6 +253,7 @@ class Knowledge:
     fastest: float
     longest: float
     _logs: dict[tuple[LogDesign, int], SimulatedLog | None] = field(default_factory=dict, repr=False, compare=False)
+    _information: dict[tuple[LogDesign, int, int], Array] = field(default_factory=dict, repr=False, compare=False)
 
     @cached_property
     def index(self) -> NDArray[np.int64]:
@@ -313,12 +308,15 @@ class Knowledge:
 
     def information(self, design: LogDesign, cycles: int, place: int) -> Array:
         """Information (k, k) of a log at a place, of the duration it has at the likeliest one."""
-        first, log = self.log(design), self.log(design, place)
-        if first is None or log is None:
-            return np.zeros((self.kept.size, self.kept.size))
-        count, load_sd = log.count(first.duration(cycles)), self.load_error * design.normal_force
-        matrix = log.information(self.sampling(design), self.noise**2, load_sd, count)
-        return np.asarray(matrix[np.ix_(self.kept, self.kept)])
+        if (design, cycles, place) not in self._information:
+            first, log = self.log(design), self.log(design, place)
+            shared = np.zeros((self.kept.size, self.kept.size))
+            if first is not None and log is not None:
+                count, load_sd = log.count(first.duration(cycles)), self.load_error * design.normal_force
+                matrix = log.information(self.sampling(design), self.noise**2, load_sd, count)
+                shared = matrix[np.ix_(self.kept, self.kept)]
+            self._information[design, cycles, place] = shared
+        return self._information[design, cycles, place]
 
     def with_logs(self, chosen: Mapping[LogDesign, int]) -> Array:
         """Precision (d, k, k) with the chosen logs, each of so many cycles."""

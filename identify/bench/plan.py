@@ -21,7 +21,7 @@ from identify.logs.log_data import LogData
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns, from_scene
 from identify.model.model import RIG_PARAMETERS
-from identify.prediction.orbit import check_calculable
+from identify.prediction.cycles import check_calculable
 from identify.prediction.sources import Origins, Pair, assumed, pair_of
 from identify.prediction.wording import listed
 from identify.scene import Scene

@@ -155,8 +155,6 @@ OPTIONS: Mapping[str, Options] = {  # as `add_options` takes them
         "--out DIR": "folder of the answer (default: stickslip-by-<label>)",
         "--subject LABEL": 'whose fit it is (default: volunteer, subject, participant or person; "none": no one)',
         "--without FIT+": "leave out a fit by name",
-        "--speeds SPEED,…": 'common drive speeds: "0.1 mm/s,1 mm/s" (default: of the logs)',
-        "--load FORCE": 'common normal force: "1 N" (default: median of the logs)',
     },
     "simulate": {
         "--scene SCENE.toml!": "the scene to simulate: fixed, else start, else default",

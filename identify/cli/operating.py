@@ -19,8 +19,8 @@ from identify.cli.common import Answer, CommandLineError, Terminal
 from identify.diagnosis.effect_choice import choose_from_numbers
 from identify.prediction import maps, sources
 from identify.prediction.axes import Site, axis, known_axes
+from identify.prediction.cycles import check_calculable
 from identify.prediction.draws import OperatingPoint
-from identify.prediction.orbit import check_calculable
 from identify.prediction.predict import NoAnswer, PointPrediction, predictions
 from identify.prediction.wording import ranges_text, shown
 from identify.report.report_wording import OUTCOMES

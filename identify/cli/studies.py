@@ -8,7 +8,7 @@ from pathlib import Path
 
 from identify.base.table import visible
 from identify.base.wording import wrapped
-from identify.cli.arguments import positive, positives
+from identify.cli.arguments import positive
 from identify.cli.common import Answer, CommandLineError, Exit, Terminal
 from identify.cli.folder import COMPARISON, check_replaceable, result_folder
 from identify.cli.interrupt import ends_by_itself
@@ -16,7 +16,6 @@ from identify.studies.batch_store import BatchError
 from identify.studies.compare import ComparisonQuestion, compare, read_fits
 from identify.studies.comparison_page import document, write_batch_report, write_comparison
 from identify.studies.comparison_tables import comparison_tables, together
-from identify.studies.operating_points import answered
 from identify.studies.planning import plan
 from identify.studies.running import check_place, in_words, run_batch
 from identify.studies.workers import ClusterWorkers, LocalWorkers, Workers, cores
@@ -78,8 +77,6 @@ def batch(arguments: Namespace, terminal: Terminal) -> Answer:
 
 def compare_fits(arguments: Namespace, terminal: Terminal) -> Answer:
     """Compare, write the folder, say what differs."""
-    speeds = positives(arguments.speeds, "m/s", "--speeds")
-    load = positive(arguments.load, "N", "--load")
     by = "".join(c if c.isalnum() or c in "-_" else "_" for c in arguments.by)[:40] or "label"
     out = Path(arguments.out or f"stickslip-by-{by}")
     for folder in map(Path, arguments.folders):
@@ -90,12 +87,10 @@ def compare_fits(arguments: Namespace, terminal: Terminal) -> Answer:
     question = ComparisonQuestion(arguments.by, arguments.subject, tuple(arguments.without))
     terminal.note("reading the fits")
     comparison = compare(read_fits(arguments.folders), question)
-    terminal.note("stability and amplitude at common operating points")
-    answers = answered(comparison, speeds, load)
     terminal.note("writing the tables and the page")
     with result_folder(out, COMPARISON) as folder:
-        write_comparison(comparison, answers, folder, home=out)
-    outcome = document(comparison, comparison_tables(comparison, answers))
+        write_comparison(comparison, folder, home=out)
+    outcome = document(comparison, comparison_tables(comparison))
     groups = [visible(group, 30) for group in comparison.groups[:10]]
     more = f" and {len(comparison.groups) - 10} more" if len(comparison.groups) > 10 else ""
     by = visible(comparison.question.by)

@@ -16,9 +16,8 @@ from identify.base.errors import SimulationError
 from identify.base.result import Number
 from identify.model.model import Model
 from identify.prediction.axes import Axis, Site, admissible, axis, check_axes, known_axes, moved
-from identify.prediction.batch import CycleBatch
+from identify.prediction.cycles import QUANTITIES, CycleBatch, check_calculable
 from identify.prediction.draws import OperatingPoint
-from identify.prediction.orbit import QUANTITIES, check_calculable
 from identify.prediction.predict import number, site_at
 from identify.prediction.sources import Tested
 from identify.prediction.windows import COARSE, FINE, Border, Survey, outcome_of

@@ -14,10 +14,9 @@ from identify.base.errors import SimulationError
 from identify.base.result import Number
 from identify.model.model import Model
 from identify.prediction.axes import Site
-from identify.prediction.batch import CycleBatch, Motions, cycle_figures
 from identify.prediction.closed_forms import CYCLE, MEANING, beyond, closed_forms, judged
+from identify.prediction.cycles import CLOSELY, QUANTITIES, CycleBatch, Motions, check_calculable
 from identify.prediction.draws import DRAWS, POINT, Draws, OperatingPoint
-from identify.prediction.orbit import QUANTITIES, Cycle, check_calculable, run_cycle
 from identify.prediction.windows import (
     ROUGH,
     Outcome,
@@ -80,7 +79,7 @@ class StabilityAnswer:
 
 @dataclass(frozen=True)
 class AmplitudeAnswer:
-    """Size and timing of the jumps, by name of `orbit.QUANTITIES`, and their frequency and share of slip."""
+    """Size and timing of the jumps, by name of `cycles.QUANTITIES`, and their frequency and share of slip."""
 
     numbers: Mapping[str, Number] = field(metadata=FURTHER)
     text: str = ""
@@ -128,12 +127,13 @@ def number(value: float | None, unit: str, validity: str) -> Number:
 class SolutionSet:
     """The answer of the nonlinear model at one drive speed [m/s].
 
-    cycle: of the stable orbit there, None without one; y (n_y,): rest state of stick-slip there, where there is some;
-    steady: steady sliding there; windows: what happens at every other drive speed, the same whatever speed is asked.
+    figures: QUANTITIES (9,) of the stable orbit there, None without one; y (n_y,): rest state of stick-slip there,
+    where there is some; steady: steady sliding there; windows: what happens at every other drive speed, the same
+    whatever speed is asked.
     """
 
     outcome: Outcome
-    cycle: Cycle | None
+    figures: Array | None
     y: Array | None
     steady: Sliding
     windows: Windows
@@ -159,9 +159,9 @@ def solution_set(model: Model, w: Array) -> SolutionSet:
         windows = speed_windows(model, w, (drive_speed,))
         motions = settled(windows)
     sticks, y = bool(motions.sticks[0]), motions.y[0]
-    cycle = run_cycle(model, y, w, float(batch.limit[0])) if motions.periodic[0] else None
-    outcome = outcome_of(cycle is not None, sticks, steady.stable)
-    return SolutionSet(outcome, cycle, y if sticks else None, steady, windows)
+    figures = batch.figures(y[None], CLOSELY)[0] if motions.periodic[0] else None
+    outcome = outcome_of(figures is not None, sticks, steady.stable)
+    return SolutionSet(outcome, figures, y if sticks else None, steady, windows)
 
 
 @dataclass(frozen=True, eq=False)
@@ -337,7 +337,7 @@ def _prediction(
             shared[key] = drawn.limit(part, upper) / end
         return drawn.draws.number(end, "m/s", MODEL, shared[key] * end)
 
-    steady, windows, cycle = answer.steady, answer.windows, answer.cycle
+    steady, windows, figures = answer.steady, answer.windows, answer.figures
     between = tuple(StickSlipRange(limit(part, False), limit(part, True)) for part in windows.sticking)
     slowest, fastest = (shown(end, "m/s") for end in windows.searched)
     if between:
@@ -363,12 +363,12 @@ def _prediction(
         stick_slip_between=between,
         windows=windows.listed(),
     )
-    if cycle is None:
+    if figures is None:
         irregular = answer.outcome is Outcome.IRREGULAR
         why = "it sticks and slips, but not periodically" if irregular else "no stick-slip here"
         amplitude, peak = {name: number(None, unit, why) for name, unit in QUANTITIES.items()}, None
     else:
-        now = {name: float(row[0]) for name, row in _jumps(cycle_figures(model, cycle)[None], values).items()}
+        now = {name: float(row[0]) for name, row in _jumps(figures[None], values).items()}
         amplitude, peak = {name: of_model(now[name], unit, name) for name, unit in SHOWN.items()}, now["a_V_max"]
     validity = replace(of_model(peak, "", "a_V_max"), validity="the closed forms of a slip need this to be far below 1")
     groups, forms = _closed_forms(model, values, amplitude, windows.end, validity, drawn)

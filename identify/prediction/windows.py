@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from identify.base.quantiles import LEVEL
 from identify.model.model import Model
-from identify.prediction.batch import CycleBatch, Motions
+from identify.prediction.cycles import CycleBatch, Motions
 from identify.simulation.sliding import growth_rates
 
 Array = NDArray[np.float64]

@@ -5,7 +5,7 @@ Time is local to the phase: after 800 s of sticking a slip of microseconds loses
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -27,10 +27,9 @@ from identify.simulation.stepper import (
     Situated,
     Stepper,
     Stop,
-    rate,
     symbols,
 )
-from identify.simulation.steppers import Method, StepProblem
+from identify.simulation.steppers import Method
 
 Array = NDArray[np.float64]
 
@@ -438,66 +437,3 @@ def phases(machine: Machine, drive: Drive, normal_force: NormalForce, duration: 
             if mode == "stick" and model.jumps:
                 x = np.array(model.at_stick(x, p, situated.at(phase.duration))).ravel()
     raise SimulationError(f"the simulation reached {t:.6g} s of {duration:.6g} s in {MAX_PHASES} phases; shorten it")
-
-
-# ----------------------------------------------------------------------------------------------------------------------
-# How a slide moves with its start and its setting: exact derivatives of the steps that were taken. The setting w (n_w,)
-# = parameters, normal force [N], drive speed [m/s] holds during a stick and the slip after it.
-# ----------------------------------------------------------------------------------------------------------------------
-
-
-def situated_at(w: Array, direction: float = 1.0, time: float = 0.0) -> Situated:
-    """What holds during a slide at a setting w (n_w,) from a time [s] on."""
-    return Situated(w[:-2], float(w[-1]), direction, float(w[-2]), 0.0, time)
-
-
-@lru_cache(maxsize=64)
-def _step_functions(model: Model, method: Method, mode: ModeName) -> tuple[Mapped, Mapped]:
-    """Of (x and step length, w, direction): x after a step and the rate there; the derivatives of x by x and w."""
-    n_x, n_p = len(model.states), len(model.parameters)
-    given = xh, w, direction = ca.SX.sym("xh", n_x + 1), ca.SX.sym("w", n_p + 2), ca.SX.sym("direction")
-    moving, constants = rate(model, mode), ca.vertcat(w[:n_p], w[n_p + 1], direction, w[n_p], 0, 0)
-    problem = StepProblem(moving, constants, lambda _after: ca.SX.ones(n_x))
-    after, _ = method.step(problem, xh[:n_x], ca.SX(0), xh[n_x])
-    slope = ca.jacobian(after, ca.vertcat(xh[:-1], w)).T
-    results = [after, moving(after, constants, 0)], [slope]
-    values, slopes = (Mapped(ca.Function("step", given, [ca.densify(q) for q in some])) for some in results)
-    return values, slopes
-
-
-def _arguments(slide: Slide, x: Array, lengths: Array) -> list[Array]:
-    count, situated = len(lengths), slide.situated
-    settings = np.repeat(np.append(situated.p, [situated.normal_force, situated.drive_speed])[None], count, axis=0)
-    return [np.concatenate([x, lengths[:, None]], axis=1), settings, np.full(count, situated.direction)]
-
-
-def stepped(model: Model, slide: Slide, x: Array, lengths: Array) -> tuple[Array, Array]:
-    """States (s, n_x) after steps of some lengths (s,) [s] from states x (s, n_x) of a slide, and the rates there."""
-    after, rates = _step_functions(model, slide.method, slide.mode)[0](_arguments(slide, x, lengths))
-    return after, rates
-
-
-def node_slopes(model: Model, slides: Sequence[Slide], onset: Array) -> list[Array]:
-    """Derivatives, at fixed times, of the states at the nodes of slides that follow each other: (nodes, n_x, m) each.
-
-    Args:
-        onset: derivatives (n_x, m) of the first state; the last of the m directions are the setting.
-    """
-    out, moved, n, before = list[Array](), onset, onset.shape[0], None
-    for slide in slides:
-        which = model.clamped if slide.mode == "renewed" else None  # released: both motions agree there
-        if before is not None and before.situated.direction != slide.situated.direction:
-            which = SPEED
-        if before is not None and which is not None:  # the jump of the rate times how the time of the switch moves
-            rates = [stepped(model, each, slide.x[:1], np.zeros(1))[1][0] for each in (before, slide)]
-            moved = moved - np.outer(rates[0] - rates[1], moved[which] / rates[0][which])
-        given, nodes = _arguments(slide, slide.x[:-1], np.diff(slide.t)), [moved]
-        (slopes,) = _step_functions(model, slide.method, slide.mode)[1](given)
-        for slope in slopes.reshape(len(slide.t) - 1, n, -1):
-            after = slope[:, :n] @ moved
-            after[:, n - slope.shape[1] :] += slope[:, n:]
-            moved = after
-            nodes.append(moved)
-        out.append(np.array(nodes))
-        before = slide
-    return out

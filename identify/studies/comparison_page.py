@@ -25,7 +25,6 @@ from identify.report.style import drawing_style, printable, svg_text
 from identify.studies import compare as comparing
 from identify.studies.compare import PAGE, Comparison, FitEntry
 from identify.studies.comparison_tables import comparison_tables, fits_table, sentences, together, unit_of
-from identify.studies.operating_points import Answers
 
 DOCUMENT = "comparison.json"
 IN_LATEX = ("parameters", "differences", "scatter")
@@ -39,11 +38,11 @@ def write_batch_report(directory: str | Path) -> Path:
     directory = Path(directory)
     path = directory / PAGE
     with atomic_write(path) as handle:
-        handle.write(render(directory.resolve().name, comparing.read_fits([directory]), None, None, directory))
+        handle.write(render(directory.resolve().name, comparing.read_fits([directory]), None, directory))
     return path
 
 
-def write_comparison(comparison: Comparison, answers: Answers, folder: Path, home: Path | None = None) -> list[Path]:
+def write_comparison(comparison: Comparison, folder: Path, home: Path | None = None) -> list[Path]:
     """Write page, tables (CSV, LaTeX, workbook) and document into `folder`; returns the paths, the page last.
 
     Parameters
@@ -56,8 +55,8 @@ def write_comparison(comparison: Comparison, answers: Answers, folder: Path, hom
     OSError
         The folder cannot be written.
     """
-    tables = comparison_tables(comparison, answers)
-    page = render(f"by {comparison.question.by}", comparison.entries, comparison, answers, home or folder)
+    tables = comparison_tables(comparison)
+    page = render(f"by {comparison.question.by}", comparison.entries, comparison, home or folder)
     (folder / "tables").mkdir(parents=True, exist_ok=True)
     latex = "\n".join(tables[name].to_latex() for name in IN_LATEX)
     contents: dict[str, str | bytes] = {f"tables/{table.name}.csv": table.to_csv() for table in tables.values()}
@@ -96,7 +95,6 @@ def render(
     title: str,
     entries: Sequence[FitEntry],
     comparison: Comparison | None,
-    answers: Answers | None,
     home: Path,
 ) -> str:
     """The text of the page; `home`: the folder it will stand in."""
@@ -127,13 +125,13 @@ def render(
         marks=", ".join(f"{mark} {verdict}" for verdict, mark in VERDICT_MARK.items() if verdict != "identified"),
         without_result=OutputTable("", ("fit", "status", "reason"), tuple(failed), "without-result"),
         rejected=OutputTable("", ("log", "fit", "reason"), tuple(rejected), "rejected-logs"),
-        comparison=None if comparison is None or answers is None else _compared(comparison, answers),
+        comparison=None if comparison is None else _compared(comparison),
     )
 
 
-def _compared(comparison: Comparison, answers: Answers) -> dict[str, object]:
+def _compared(comparison: Comparison) -> dict[str, object]:
     """What the template shows of a comparison."""
-    tables, by, who = comparison_tables(comparison, answers), comparison.question.by, comparison.selected.subject
+    tables, by, who = comparison_tables(comparison), comparison.question.by, comparison.selected.subject
     missing = [
         (q.quantity.name, len(q.missing), ", ".join(sorted({reason for _, reason in q.missing})))
         for q in comparison.quantities
@@ -143,7 +141,6 @@ def _compared(comparison: Comparison, answers: Answers) -> dict[str, object]:
     left_out = [row for row in comparison.selected.left_out if row[0] in good]
     different = ("parameter", "first", "second", "difference", "p", "verdict", "people with both" if who else "")
     hidden = ("repeatability low", "repeatability high", "unit")
-    points = ("drive speed [m/s]", "what it does", "peak to valley [N]", "period [s]", "stick-slip ends above [m/s]")
     return {
         "by": by,
         "who": who,
@@ -151,9 +148,6 @@ def _compared(comparison: Comparison, answers: Answers) -> dict[str, object]:
         "parameters": tables["parameters"].select("parameter", by, "mean", "unit", "fits", who or "", "remark"),
         "differences": tables["differences"].select(*different),
         "scatter": tables["scatter"].select(*(c for c in tables["scatter"].columns if c not in hidden)),
-        "operating": tables["operating_points"].select(by, *points),
-        "no_operating": answers.reason,
-        "ground": answers.ground,
         "forests": [forest(comparison, entry) for entry in comparison.quantities if entry.pooled],
         "left_out": replace(tables["left_out"], rows=tuple(left_out)),
         "missing": missing,

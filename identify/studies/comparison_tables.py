@@ -6,21 +6,19 @@ import math
 from collections.abc import Sequence
 
 from identify.base import wording
-from identify.base.result import Number, ParameterResult
+from identify.base.result import ParameterResult
 from identify.base.table import Cell, OutputTable, Row, visible
-from identify.base.wording import DASH, Scale, decimals, interval_text, number, quantity, scale_for
-from identify.prediction.predict import NoAnswer
+from identify.base.wording import DASH, Scale, decimals, interval_text, number, scale_for
 from identify.report.report_tables import value_text
-from identify.report.report_wording import MEANINGS, OUTCOMES, VERDICT_MARK, plain_symbol
+from identify.report.report_wording import MEANINGS, VERDICT_MARK, plain_symbol
 from identify.studies.compare import Comparison, FitEntry, PooledQuantity
-from identify.studies.operating_points import Answers
 from identify.studies.pooled import DIFFERENT, NOT_DISTINGUISHED, NOT_TESTED, Difference
 
 VERDICT_KIND = {DIFFERENT: "good", NOT_DISTINGUISHED: "plain", NOT_TESTED: "fair"}
 MOST_NAMED = 6  # pairs of groups in a sentence
 
 
-def comparison_tables(comparison: Comparison, answers: Answers) -> dict[str, OutputTable]:
+def comparison_tables(comparison: Comparison) -> dict[str, OutputTable]:
     """Every table of a comparison by name."""
     missing = [(name, _name(q), reason) for q in comparison.quantities for name, reason in q.missing]
     left_out = comparison.selected.left_out
@@ -28,7 +26,6 @@ def comparison_tables(comparison: Comparison, answers: Answers) -> dict[str, Out
         _parameters(comparison),
         _differences(comparison),
         _scatter(comparison),
-        _operating(comparison.question.by, answers),
         OutputTable("Fits left out", ("fit", "reason"), left_out, "left_out"),
         OutputTable("Parameters that a fit does not have", ("fit", "parameter", "reason"), tuple(missing), "missing"),
         fits_table(comparison.entries),
@@ -124,38 +121,6 @@ def _scatter(comparison: Comparison) -> OutputTable:
     heads = ("parameter", f"between {comparison.selected.subject or 'person'}s", "between runs", "error of a fit")
     rest = ("repeatability", "repeatability low", "repeatability high", "intraclass correlation", "unit")
     return OutputTable("Scatter and repeatability (standard deviations)", (*heads, *rest), tuple(rows), "scatter")
-
-
-def _operating(by: str, answers: Answers) -> OutputTable:
-    speeds, force = (answers.ground.speeds, answers.ground.normal_force) if answers.ground else ((), None)
-    names = ("peak to valley [N]", "period [s]", "stick-slip ends above [m/s]")
-    ends = [f"{name} {end}" for name in names for end in ("low", "high")]
-    heads = (by, "drive speed [m/s]", "normal force [N]", "what it does", *names, *ends)
-    rows: list[Row] = []
-    for answer in answers.groups:
-        if not answer.at:
-            rows.append((answer.group, None, force, answer.reason or "no answer", *[None] * (len(heads) - 4)))
-        for speed, at in zip(speeds, answer.at, strict=True) if answer.at else ():
-            here = (answer.group, Cell(speed, quantity(speed, "m/s", 3)), force)
-            if isinstance(at, NoAnswer):
-                rows.append((*here, at.text, *[None] * (len(heads) - 4)))
-                continue
-            sizes, outcome = at.amplitude.numbers, at.stability.outcome
-            figures = (sizes["peak_to_valley"], sizes["period"], at.stability.critical_speed)
-            does = Cell(outcome, OUTCOMES.get(outcome, outcome))
-            rows.append((*here, does, *map(_figure, figures), *(end for each in figures for end in each.ends)))
-    return OutputTable("At common operating points", tuple(heads), tuple(rows), "operating_points")
-
-
-def _figure(entry: Number) -> Cell:
-    if entry.value is None:
-        return Cell(None, "none", entry.validity)
-    low, high = entry.ends
-    if low is None or high is None:
-        return Cell(entry.value, quantity(entry.value, entry.unit, 3), "interval open")
-    scale = scale_for(low, entry.unit)
-    note = f"{number(low / scale.factor, 3)} to {number(high / scale.factor, 3)} {scale.unit}"
-    return Cell(entry.value, quantity(entry.value, entry.unit, 3), note)
 
 
 def fits_table(entries: Sequence[FitEntry], links: Sequence[str] = ()) -> OutputTable:

@@ -125,8 +125,7 @@ class VarianceParts:
 class Pooled:
     """A pooled quantity of the n fits that have it.
 
-    rows (n,): their indices among all fits; y (n,): their values; differences: of all pairs, none beyond MOST_GROUPS;
-    residuals (n,): about the means of the groups.
+    rows (n,): their indices among all fits; y (n,): their values; differences: of all pairs, none beyond MOST_GROUPS.
     """
 
     rows: tuple[int, ...]
@@ -135,7 +134,6 @@ class Pooled:
     means: tuple[Mean, ...]
     differences: tuple[Difference, ...]
     scatter: VarianceParts
-    residuals: Array
 
     def mean_of(self, group: str) -> Mean:
         """The mean of one of the groups."""
@@ -199,7 +197,6 @@ def pool(y: Array, noise: Array, setting: Setting, family: int = 1) -> Pooled:
         means=means,
         differences=_differences(means, person, X, cells, family),
         scatter=scatter,
-        residuals=values - _averages(values, group_at[at])[group_at[at]],
     )
 
 
@@ -286,20 +283,3 @@ def _differences(
         shared = None if a.subjects is None else len(whose[a.group] & whose[b.group])
         out.append(Difference(a.group, b.group, value, error, df, ends, reason, shared, tested, family))
     return tuple(out)
-
-
-def joint(pooled: Sequence[Pooled], group: str) -> Array:
-    """Covariance (m, m) of the means of m quantities in one group.
-
-    The correlation is that of the residuals of all fits about the means of their groups; quantities that no two fits
-    have in common are taken as independent.
-    """
-    residuals = pd.concat([pd.Series(p.residuals, index=p.rows) for p in pooled], axis=1)
-    with np.errstate(all="ignore"):
-        R = residuals.corr().fillna(0.0).to_numpy(copy=True)
-    np.fill_diagonal(R, 1.0)
-    size, vectors = np.linalg.eigh(R)  # pairs of different fits: the nearest matrix that can be a correlation
-    R = (vectors * np.maximum(size, 0.0)) @ vectors.T
-    R /= np.sqrt(np.outer(np.diag(R), np.diag(R)))
-    errors = np.array([p.mean_of(group).error for p in pooled])
-    return np.asarray(R * np.outer(errors, errors))

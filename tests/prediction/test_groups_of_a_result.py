@@ -8,10 +8,10 @@ import pytest
 from identify import Scene, examples
 from identify.base.result import Result
 from identify.cli.operating import points_of
-from identify.prediction.batch import cycle_figures
+from identify.prediction.cycles import CLOSELY
 from identify.prediction.predict import predict
 from identify.prediction.sources import pair_of
-from tests.support.maps_case import settled_cycle
+from tests.support.maps_case import settled_orbit
 
 MU_K0 = 0.43  # of both groups, not estimated
 SHARED = {"delta_mu_k": -0.13, "a": 300.0, "t_cr": 0.5}
@@ -59,7 +59,8 @@ def drop_at(group, speed, changed=0.0):
     values = scene.values() | dict(zip(names, moved.tolist(), strict=True))
     values["mu_k0"] = MU_K0
     w = np.array([*(values[name] for name in scene.model.parameter_names), 1.0, speed])
-    return cycle_figures(scene.model, settled_cycle(scene.model, w))[0]
+    batch, y = settled_orbit(scene.model, w)
+    return batch.figures(y, CLOSELY)[0, 0]
 
 
 def spread_of_drop(group, speed):

@@ -12,16 +12,15 @@ from identify.base.document import to_dict
 from identify.base.errors import SimulationError
 from identify.effects import ALL, MAIN
 from identify.model.model import assemble
-from identify.prediction.batch import CycleBatch, cycle_figures
 from identify.prediction.closed_forms import closed_forms
+from identify.prediction.cycles import CLOSELY, QUANTITIES, CycleBatch, check_calculable
 from identify.prediction.draws import OperatingPoint
-from identify.prediction.orbit import QUANTITIES, check_calculable, run_cycle, tangent_of
 from identify.prediction.predict import predict, predictions, solution_set
 from identify.prediction.windows import Outcome
 from identify.simulation.simulate import run
 from identify.simulation.sliding import slidings
 from tests.support import oracle
-from tests.support.maps_case import DEMO, settled_cycle
+from tests.support.maps_case import DEMO, settled_orbit
 
 LOAD = 1.0
 UNWEAKENED = ("inertia", "hysteresis_damping", "contact_ageing")
@@ -49,8 +48,10 @@ def setting_of(speed, effects=MAIN, /, **changes):
     return model, np.array([*(values[name] for name in model.parameter_names), LOAD, speed])
 
 
-def figures(model, cycle):
-    return dict(zip(QUANTITIES, cycle_figures(model, cycle).tolist(), strict=True))
+def figures(model, w):
+    """Of the orbit that a rested contact settles on, by name."""
+    batch, y = settled_orbit(model, w)
+    return dict(zip(QUANTITIES, batch.figures(y, CLOSELY)[0].tolist(), strict=True))
 
 
 def asked(speed, effects=MAIN, /, **changes):
@@ -64,7 +65,7 @@ def test_bistable_is_both():
         x, v, gamma = slidings(*setting_of(speed))[0].state
         seen = oracle.simulate(DEMO, speed, LOAD, 2.0, (float(x), 1.02 * float(v), float(gamma)))
         assert (seen.arrests.size > 0) is sticks
-    y = np.delete(settled_cycle(*setting_of(15e-3)).start, 1)
+    y = settled_orbit(*setting_of(15e-3))[1][0]
     assert oracle.simulate(DEMO, 15e-3, LOAD, 2.0, (float(y[0]), 0.0, float(y[1]))).arrests.size > 20
 
 
@@ -80,7 +81,7 @@ def test_sliding_has_the_eigenvalues_of_the_closed_form(speed, delta):
 def test_without_weakening_and_ageing_the_closed_forms_are_exact():
     effects = ("inertia", "hysteresis_damping")
     model, w = setting_of(1e-3, effects)
-    found = figures(model, settled_cycle(model, w))
+    found = figures(model, w)
     forms = closed_forms({n: DEMO[n] for n in model.parameter_names} | {"drive_speed": 1e-3, "normal_force": LOAD})
     for name in ("drop", "period", "slip_duration", "peak_speed"):
         assert found[name] == pytest.approx(float(forms.numbers[name]), rel=1e-6)
@@ -101,11 +102,9 @@ def test_closed_forms_say_which_effects_they_do_not_know():
 @pytest.mark.parametrize("speed", [1e-4, 1e-3, 20e-3])
 def test_peak_to_valley_is_what_a_load_cell_would_see(speed):
     model, w = setting_of(speed)
-    cycle = settled_cycle(model, w)
-    y, period = np.delete(cycle.start, 1), cycle.stick + cycle.slip
-    seen = oracle.simulate(DEMO, speed, LOAD, 1.2 * period, (float(y[0]), 0.0, float(y[1])))
+    found, y = figures(model, w), settled_orbit(model, w)[1][0]
+    seen = oracle.simulate(DEMO, speed, LOAD, 1.2 * found["period"], (float(y[0]), 0.0, float(y[1])))
     force = seen.force(np.linspace(seen.onsets[0], seen.arrests[0], 400_001))
-    found = figures(model, cycle)
     assert found["peak_to_valley"] == pytest.approx(np.ptp(force), rel=1e-6)
     assert (found["peak_to_valley"] > 4.0 * found["drop"]) is (speed == 20e-3)  # near the end the drop fades
 
@@ -114,7 +113,7 @@ def test_peak_to_valley_is_what_a_load_cell_would_see(speed):
 def test_orbits_are_what_a_long_simulation_settles_on(case):
     effects, more = CASES[case]
     model, w = setting_of(1e-3, effects, **more)
-    found = figures(model, solution_set(model, w).cycle)
+    found = dict(zip(QUANTITIES, solution_set(model, w).figures.tolist(), strict=True))
     motion = run(model, values_of(effects, **more), 1e-3, LOAD, 40 * found["period"])
     onset = motion.onsets[-3]
     arrest = motion.arrests[motion.arrests > onset][0]
@@ -122,29 +121,8 @@ def test_orbits_are_what_a_long_simulation_settles_on(case):
     assert found["drop"] == pytest.approx(force[0] - force[1], rel=1e-5)
     assert found["period"] == pytest.approx(motion.onsets[-2] - onset, rel=1e-5)
     # the effect is felt: the paper's pair has another drop, but where the damper only has another frequency
-    plain = figures(setting_of(1e-3)[0], settled_cycle(*setting_of(1e-3)))
+    plain = figures(*setting_of(1e-3))
     assert (abs(found["drop"] / plain["drop"] - 1) > 0.01) == (case != "driven damping")
-
-
-@pytest.mark.parametrize("case", ["plain", "skin"])
-def test_derivatives_of_a_cycle_are_those_of_cycles_run_again(case):
-    """By the rest state before it and by the setting, of the state after it and of both durations."""
-    model, w = setting_of(1e-3, CASES.get(case, (MAIN, {}))[0])
-    cycle = settled_cycle(model, w, rtol=1e-11)
-    tangent, y = tangent_of(model, cycle), np.delete(cycle.start, 1)
-    given = np.append(y, cycle.setting)
-    scale = CycleBatch(model, w[None]).scale[0]
-    sizes = np.append(scale, cycle.setting)
-    told = np.vstack([tangent.end, tangent.stick, tangent.slip]) * sizes
-    parameters = [y.size + model.parameter_names.index(name) for name in ("mu_s", "a", "mass")]
-    for i in [*range(y.size), *parameters, given.size - 1]:
-        ends = []
-        for step in (1e-5, -1e-5):
-            moved = given + step * sizes[i] * np.eye(given.size)[i]
-            again = run_cycle(model, moved[: y.size], moved[y.size :], 1.0, 1e-11)
-            ends.append(np.append(np.delete(again.end, 1), [again.stick, again.slip]))
-        off = np.abs((ends[0] - ends[1]) / 2e-5 - told[:, i])
-        assert np.all(off < 1e-3 * np.abs(told[:, i]) + 1e-5 * np.max(np.abs(told), axis=1)), (i, off)
 
 
 def test_a_stick_with_transients_ends_at_its_first_chance():
@@ -163,7 +141,7 @@ def test_a_stick_with_transients_ends_at_its_first_chance():
             if grip[0] <= pull[0]:
                 continue
             first = int(np.argmax(grip < pull))
-            found = run_cycle(model, np.delete(start, 1), w, 10.0, 1e-6).stick
+            found = CycleBatch(model, w[None]).run(np.delete(start, 1)[None]).stick[0]
             assert found == pytest.approx(times[first], abs=times[first] - times[first - 1])
             crossings.add(int(np.sum(np.diff(np.sign(grip - pull)) != 0)))
     assert {1, 3} <= crossings, "sticks with one and with several chances were looked at"

@@ -5,21 +5,17 @@ from __future__ import annotations
 import json
 import re
 import shutil
-from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
 import pytest
 
 from experiments.pooling_draws import Plan, draw
-from identify.base.document import to_dict
 from identify.cli.folder import COMPARISON, check_replaceable
 from identify.cli.main import main
-from identify.prediction.predict import predict
 from identify.studies.compare import ComparisonQuestion, compare, read_fits
 from identify.studies.comparison_page import write_comparison
 from identify.studies.comparison_tables import comparison_tables
-from identify.studies.operating_points import Answers, GroupAnswer, common, group_answers
 from tests.support.command import stickslip
 from tests.support.comparing_case import document, write_fit, write_study
 
@@ -73,7 +69,7 @@ def test_materials_differ_and_the_truth_is_covered(study):
             assert mean.subjects == 4 and abs(mean.value - truth[int(mean.group[1]) - 1, k]) < 4.5 * mean.error
     ends = [d for d in found.answered["mu_s"].differences if {d.first, d.second} == {"M1", "M3"}]
     assert [d.verdict for d in ends] == ["different"]
-    frame = comparison_tables(found, Answers(None, ()))["parameters"].to_frame().set_index(["parameter", "material"])
+    frame = comparison_tables(found)["parameters"].to_frame().set_index(["parameter", "material"])
     for name, factor in (("D", np.exp), ("mu_s", lambda _: 1.0)):  # errors of logarithms times the mean
         mean = found.answered[name].means[0]
         row = frame.loc[(name, mean.group), ["standard error", "scatter of its fits"]].tolist()
@@ -131,20 +127,6 @@ def test_a_batch_gives_labels_and_reasons(tmp_path):
     assert len(read_fits([tmp_path, tmp_path / "a"])) == 4
 
 
-def test_the_nonlinear_model_answers_at_common_points(study):
-    found = compare(read_fits([study[0]]), BY_MATERIAL)
-    ground = common(found, speeds=(1e-3,), normal_force=1.0)
-    (answer,) = group_answers(replace(found, groups=("M1",)), ground)
-    assert not answer.reason
-    means = {q.name: q.shown(found.answered[q.name].mean_of("M1").value) for q in found.values.quantities}
-    alone = to_dict(predict(ground.model, {**ground.values, **means}, 1e-3, 1.0))
-    (point,) = answer.at
-    fall, critical = point.amplitude.numbers["peak_to_valley"], point.stability.critical_speed
-    assert fall.value == pytest.approx(alone["amplitude"]["peak_to_valley"]["value"], rel=1e-6)
-    assert critical.value == pytest.approx(alone["stability"]["critical_speed"]["value"], rel=1e-3)
-    assert critical.interval[0] < critical.value < critical.interval[1]
-
-
 def test_what_of_a_joint_fit_differs_between_its_logs_is_not_compared(tmp_path):
     for place in range(4):
         told = one_of(f"M{place % 2}", place)
@@ -155,7 +137,6 @@ def test_what_of_a_joint_fit_differs_between_its_logs_is_not_compared(tmp_path):
     assert [q.quantity.name for q in found.quantities] == [*NAMES[1:]]
 
 
-@pytest.mark.usefixtures("reasons_only")
 def test_what_measurements_of_the_rig_gave_is_no_difference_of_materials(tmp_path):
     """A stiffness with a tolerance is searched in each fit; a mass that is searched without one is a finding."""
     for i, (group, mu_s) in enumerate((("glass", 0.5), ("glass", 0.51), ("steel", 0.7), ("steel", 0.71))):
@@ -169,7 +150,6 @@ def test_what_measurements_of_the_rig_gave_is_no_difference_of_materials(tmp_pat
         write_fit(tmp_path / f"{group}_{i}", told)
     comparison = compare(read_fits([tmp_path]), BY_MATERIAL)
     assert {q.quantity.name for q in comparison.quantities} == {*NAMES, "mass"}
-    assert all(not answer.reason for answer in group_answers(comparison, common(comparison)))
 
 
 @pytest.fixture(scope="module")
@@ -190,8 +170,7 @@ def hostile(tmp_path_factory):
     write_fit(folder / "failed", told | {"status": "<i>failed", "message": HOSTILE[0]})
     out = tmp_path_factory.mktemp("out")
     found = compare(read_fits([folder]), BY_MATERIAL)
-    answers = tuple(GroupAnswer(group, (), group) for group in found.groups)
-    write_comparison(found, Answers(None, answers, HOSTILE[0]), out)
+    write_comparison(found, out)
     return out
 
 
@@ -209,10 +188,9 @@ def test_hostile_labels_do_no_harm_on_the_page(hostile):
     assert HOSTILE[2] in json.loads((hostile / "comparison.json").read_text(encoding="utf-8"))["groups"]
 
 
-@pytest.mark.usefixtures("no_answers")
 def test_the_command(study, tmp_path, capsys):
     out = tmp_path / "cmp"
-    arguments = ["compare", str(study[0]), "--by", "material", "--out", str(out), "--speeds", "1 mm/s", "--json"]
+    arguments = ["compare", str(study[0]), "--by", "material", "--out", str(out), "--json"]
     assert main(arguments) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["status"] == "done" and told["groups"] == ["M1", "M2", "M3"] and told["compared"] == told["fits"] == 24
@@ -231,8 +209,6 @@ def test_a_question_that_cannot_be_answered_is_one_sentence(study, tmp_path, cap
     for source, out, more, words in (
         (study[0], "x", ["--by", "colour"], "no converged fit has the label 'colour'; expected one of: material, vol"),
         (study[0], "x", [*by, "--without", "nobody"], "no fit is called 'nobody'"),
-        (study[0], "x", [*by, "--speeds", "fast"], "--speeds"),
-        (study[0], "x", [*by, "--load", "-1 N"], "--load is -1 N; expected a positive number"),
         (tmp_path / "gone", "x", by, "does not exist"),
         (tmp_path / "empty", "x", by, "no fit was found"),
         (study[0], "own", by, "own"),

@@ -7,7 +7,6 @@ import pytest
 from experiments.pooling_draws import Plan
 from identify.studies.compare import ComparisonQuestion, compare, read_fits
 from identify.studies.comparison_page import write_comparison
-from identify.studies.operating_points import Answers
 from tests.support.browser import CHROMIUM, Browser
 from tests.support.comparing_case import write_study
 
@@ -22,7 +21,7 @@ def page(tmp_path_factory):
     for path in list(folder.glob("M3_*/result.json")):
         path.write_text(path.read_text(encoding="utf-8").replace('"M3"', f'"{EVIL}"'), encoding="utf-8")
     comparison = compare(read_fits([folder]), ComparisonQuestion("material"))
-    return write_comparison(comparison, Answers(None, ()), tmp_path_factory.mktemp("out"))[-1]
+    return write_comparison(comparison, tmp_path_factory.mktemp("out"))[-1]
 
 
 @pytest.fixture(scope="module")

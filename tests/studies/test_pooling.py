@@ -9,7 +9,7 @@ import pytest
 from scipy import stats
 
 from experiments.pooling_draws import Plan, draw
-from identify.studies.pooled import DIFFERENT, NOT_TESTED, PoolingError, Setting, joint, pool
+from identify.studies.pooled import DIFFERENT, NOT_TESTED, PoolingError, Setting, pool
 
 
 def balanced(seed, people=8, groups=3, runs=3, crossed=0.03):
@@ -143,21 +143,6 @@ def test_the_answer_does_not_hang_on_order_or_unit():
         assert (other.value, other.error) == pytest.approx((1000 * mean.value, 1000 * mean.error), rel=1e-9)
     widths = [sorted(d.error for d in found.differences) for found in (first, second)]
     assert widths[1] == pytest.approx([1000 * error for error in widths[0]], rel=1e-9)
-
-
-def test_quantities_hang_together_as_they_were_drawn():
-    study = draw(Plan("many", volunteers=40, runs=2), np.random.default_rng(9))
-    pooled = [pool(study.y[:, k], study.noise[:, k, k], study.setting) for k in range(6)]
-    covariance = joint(pooled, "M2")
-    R = covariance / np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
-    assert R[0, 1] == pytest.approx(0.8, abs=0.1)
-    assert R[4, 5] == pytest.approx(0.5, abs=0.2)
-    assert abs(R[0, 3]) < 0.3
-    assert np.min(np.linalg.eigvalsh(covariance)) > -1e-12
-    # the difference of two logarithms, pooled on its own, has the same standard error
-    c = np.array([0.0, 0.0, 0.0, 0.0, 1.0, -1.0])
-    alone = pool(study.y @ c, np.einsum("i,nij,j->n", c, study.noise, c), study.setting)
-    assert np.sqrt(c @ covariance @ c) == pytest.approx(alone.mean_of("M2").error, rel=0.1)
 
 
 def test_too_many_groups_have_means_but_no_pairs_and_too_few_fits_are_refused():

@@ -8,23 +8,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from itertools import pairwise
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.compiled import Mapped
-from identify.model.model import ELONGATION, SPEED, Model
+from identify.base.errors import SimulationError
+from identify.effects import ALL
+from identify.model.model import ELONGATION, SPEED, Model, assemble
 from identify.model.modes import GUARDS, sliding_modes
-from identify.prediction.orbit import (
-    CREEP,
-    Cycle,
-    bounds_at_rest,
-    load_slopes,
-    rested,
-    slide_limits,
-)
 from identify.simulation.phases import FIRST, FLOOR, ROUNDING, rest_row, sticks
 from identify.simulation.sliding import growth_rates
 from identify.simulation.stepper import DIPS, MODES, N_GUARDS, SHORTEST, BurstState, Stop, burst, event_functions, rate
@@ -45,13 +38,112 @@ CLOSED = 1e-6  # of the closure of a cycle, in units of normal force / stiffness
 RESOLVED = 1e-2  # share of the jump to which a cycle has to close: jumps that fade away look closed before they are
 FARTHEST = 0.3  # of one step towards closure, in the same units
 STEP = 1e-3  # of the jump, both in typical ones: differences of the return map
-DENSE = 0.3  # natural times sqrt(m/k): longest step where extremes are sought between its ends
+ROUGHLY, CLOSELY = 0.3, 0.08  # natural times sqrt(m/k): longest steps where a slip is looked at between its nodes
+SLIDES_AFTER = 12.0  # half periods sqrt(m/k) pi without coming to rest: the mass slides
+CREEP = 1e-6  # of a half period: a slip this short is no slip, the contact creeps along with the drive
+GROWN = 25.0  # e-foldings after which a disturbance of steady sliding is taken to have come to rest
+LONGEST_PATIENCE = 100.0  # half periods
+
+QUANTITIES = {
+    "drop": "N",
+    "period": "s",
+    "stick_duration": "s",
+    "slip_duration": "s",
+    "slip_distance": "m",
+    "peak_speed": "m/s",
+    "onset_force": "N",
+    "arrest_force": "N",
+    "peak_to_valley": "N",
+}  # what is reported of an orbit, and its unit
+
+
+# Which models repeat themselves: only they have a cycle, a steady sliding and a critical speed to be asked for.
+
+
+def check_calculable(model: Model) -> None:
+    """Refuse a model of which no cycle is like the one before.
+
+    Raises:
+        SimulationError: the effects that are to blame, and what to do.
+    """
+    if not model.inertial:
+        raise SimulationError(
+            "the effect inertia is off: stability and amplitude of stick-slip are those of a moving mass; "
+            "add inertia to effects and give the mass under [rig]"
+        )
+    if not (model.clocked or model.jumps):
+        return
+    own = [e for e in ALL if e.name in model.effects]
+    alone = [assemble(tuple(dict.fromkeys(("inertia", *e.needs, e.name)))) for e in own]
+    names = [e.name for e, part in zip(own, alone, strict=True) if part.clocked or part.jumps] or list(model.effects)
+    raise SimulationError(
+        f"with the effect{'s' * (len(names) > 1)} {' and '.join(names)} no cycle is like the one before; leave out for "
+        f"stability, amplitude and plans what changes with time or from stick to stick "
+        f"({' '.join(f'--without {name}' for name in names)}, or in the scene), or look at a simulation"
+    )
+
+
+# Where cycles may begin, and how long a slip may last.
+
+
+def rested(model: Model) -> Array:
+    """Rest state (n_y,) with the spring unloaded and every state saturated."""
+    return np.array([0.0, *(s.start if s.upper is None else s.upper for s in model.states[2:])])
+
+
+def bounds_at_rest(model: Model) -> Array:
+    """Lowest and highest value of each state at rest, shape (2, n_y)."""
+    ends = [(-np.inf if s.lower is None else s.lower, np.inf if s.upper is None else s.upper) for s in model.states]
+    return np.delete(np.array(ends), SPEED, 0).T
+
+
+def half_periods(model: Model, settings: Array) -> Array:
+    """Half natural periods (n,) [s] at settings (n, n_w), of the mass on rig and series element together.
+
+    Softened by the root of the whole compliance over that of the rig.
+    """
+    p, one = settings[:, :-2].T, np.ones(len(settings))
+    u = np.stack([0.0 * one, one, one, 0.0 * one])
+    low, high = (np.array(model.at_force(force * one[None], p, u)) for force in (0.0, 1.0))
+    pull = np.array(model.driving_force(high, p, u) - model.driving_force(low, p, u)).ravel()
+    mass, stiffness = (p[model.parameter_names.index(name)] for name in ("mass", "stiffness"))
+    softened = np.sqrt((high - low)[ELONGATION] * stiffness / pull)
+    return np.asarray(np.pi * np.sqrt(mass / stiffness) * softened)
+
+
+def slide_limits(model: Model, settings: Array, growth: Array) -> Array:
+    """Durations (n,) [s] at settings (n, n_w) after which a mass that has not come to rest is taken to slide on.
+
+    Longer where a disturbance of steady sliding grows (`growth` (n,) [1/s]) but slowly, and under heavy damping, where
+    the mass creeps to rest.
+    """
+    half, p, one = half_periods(model, settings), settings[:, :-2].T, np.ones(len(settings))
+    x = np.zeros((len(model.states), one.size))
+    pulls = [np.array(model.driving_force(x, p, np.stack([v * one, one, one, 0.0 * one]))).ravel() for v in (0.0, 1.0)]
+    mass, stiffness = (p[model.parameter_names.index(name)] for name in ("mass", "stiffness"))
+    zeta = (pulls[1] - pulls[0]) / (2.0 * np.sqrt(mass * stiffness))
+    with np.errstate(all="ignore"):
+        waits = np.where(growth > 0.0, np.clip(GROWN / (growth * half), SLIDES_AFTER, LONGEST_PATIENCE), SLIDES_AFTER)
+    return np.asarray(waits * half * np.where(zeta > 1.0, 1.0 + zeta, 1.0))
+
+
+# Rows of cycles.
 
 
 @lru_cache(maxsize=16)
 def _events(model: Model) -> list[Mapped]:
     """Event functions by mode."""
     return [Mapped(event_functions(model, mode)) for mode in MODES[: len(sliding_modes(model.clamped is not None))]]
+
+
+@lru_cache(maxsize=16)
+def _resting_load(model: Model) -> Mapped:
+    """By (x at the start of a rest, setting, t): force that the load cell sees [N] after it, and its rate."""
+    x, w, t = (ca.SX.sym(name, n) for name, n in (("x", len(model.states)), ("w", len(model.parameters) + 2), ("t", 1)))
+    p, u = w[:-2], ca.vertcat(w[-1], w[-2], 1, 0)
+    load = model.load_cell(model.rest(x, p, u, t), p, u)
+    row = ca.vertcat(load, ca.jacobian(load, t))
+    return Mapped(ca.Function("resting_load", [x, w, t], [ca.cse(ca.densify(row))]))
 
 
 @lru_cache(maxsize=16)
@@ -185,15 +277,15 @@ class CycleBatch:
 
     # One cycle.
 
-    def run(self, y: Array, *, nodes: bool = False) -> CycleRows:
-        """The cycles that start at rest in y (n, n_y); with `nodes` short steps are taken, and kept."""
+    def run(self, y: Array, longest: float = np.inf) -> CycleRows:
+        """The cycles that start at rest in y (n, n_y); nodes are kept where steps have a longest [natural times]."""
         start = np.insert(np.clip(y, *bounds_at_rest(self.model)), SPEED, 0.0, axis=1)
         stick, onset, force = sticks(self.model, start, self.settings[:, :-2], self._inputs)
-        end, slip, rests, refused, kept = self._slip(onset, force, nodes)
+        end, slip, rests, refused, kept = self._slip(onset, force, longest)
         rests &= slip >= CREEP * np.pi * self.time
         return CycleRows(start, onset, end, stick, slip, rests, refused, kept)
 
-    def _slip(self, x: Array, force: Array, keep: bool) -> tuple[Array, Array, Bools, Bools, tuple[Node, ...]]:
+    def _slip(self, x: Array, force: Array, longest: float) -> tuple[Array, Array, Bools, Bools, tuple[Node, ...]]:
         """Slips from states x (n, n_x) under forces [N]: their ends, durations, which rest, refused ones, nodes."""
         n, n_x = x.shape
         at, events, clamped = BurstState(n_x), _events(self.model), self.model.clamped
@@ -204,8 +296,8 @@ class CycleBatch:
         floor[:, SPEED] *= min(ROUNDING / ACCURACY, 1.0)
         tolerances = ACCURACY * np.insert(floor, 0, 1.0, axis=1)
         ones = np.ones(n)
-        longest = DENSE * self.time if keep else np.inf * ones
-        bounds = np.stack([self.limit, longest, SHORTEST * self.time, ones, np.inf * ones], axis=1)
+        keep = np.isfinite(longest)
+        bounds = np.stack([self.limit, longest * self.time, SHORTEST * self.time, ones, np.inf * ones], axis=1)
         situated = np.stack([self.settings[:, -1], ones, self.settings[:, -2], 0 * ones, 0 * ones], axis=1)
         constants = np.concatenate([self.settings[:, :-2], situated], axis=1)
         z, before, modes = np.zeros((n, at.size)), np.zeros(n), np.zeros(n, dtype=int)
@@ -325,56 +417,66 @@ class CycleBatch:
         plain = np.where(first[:, None], after[0], y)
         return np.where(better[:, None], tried.y, plain), closed
 
-    def figures(self, y: Array) -> Array:
+    # What is seen of them: between the nodes of a slip the force is a cubic.
+
+    def figures(self, y: Array, longest: float = ROUGHLY) -> Array:
         """QUANTITIES (n, 9) of the cycles from y (n, n_y), NaN where the mass does not rest."""
-        return _figures(self.model, self.settings, self.run(y, nodes=True))
+        cycles = self.run(y, longest)
+        zero = np.zeros(len(self.settings))
+        onset, arrest = (
+            _resting_load(self.model)([x, self.settings, zero])[0][:, 0] for x in (cycles.onset, cycles.end)
+        )
+        _, h, first, last = self._steps(cycles)
+        high, low = _extremes(first[..., 0], last[..., 0], h * first[..., 1], h * last[..., 1])
+        fast, _ = _extremes(first[..., 3], last[..., 3], h * first[..., 2], h * last[..., 2])
+        highest = np.maximum(onset, np.max(np.where(h > 0.0, high, -np.inf), axis=0))
+        lowest = np.minimum(arrest, np.min(np.where(h > 0.0, low, np.inf), axis=0))
+        distance = self.settings[:, -1] * cycles.slip - (cycles.end - cycles.onset)[:, ELONGATION]
+        durations = [cycles.stick + cycles.slip, cycles.stick, cycles.slip]
+        jump = [onset - arrest, *durations, distance, np.max(fast, axis=0), onset, arrest, highest - lowest]
+        return np.where(cycles.rests, jump, np.nan).T
+
+    def forces(self, cycles: CycleRows, stick: Array, slip: Array) -> tuple[Array, Array]:
+        """What the load cell sees [N], and its rate [N/s], (n, q + r) each: at times (n, q) [s] after the beginning of
+        the stick, and (n, r) after that of the slip, whose last step goes on after its end."""
+        rests = [_resting_load(self.model)([cycles.start, self.settings, times])[0] for times in stick.T]
+        t, h, first, last = self._steps(cycles)
+        step = np.empty(slip.shape, dtype=int)
+        for row, times in enumerate(slip):
+            taken = np.flatnonzero(h[:, row])
+            step[row] = taken[np.minimum(np.searchsorted(t[1:][taken, row], times), taken.size - 1)]
+        at = step, np.arange(len(slip))[:, None]
+        t, h, first, last = t[at], h[at], first[at], last[at]
+        s, slope = (slip - t) / h, h * first[..., 1]
+        a, b = _cubic(first[..., 0], last[..., 0], slope, h * last[..., 1])
+        values = first[..., 0] + s * (slope + s * (b + s * a / 3.0))
+        resting = np.stack(rests, axis=1)
+        rates = (slope + s * (2.0 * b + s * a)) / h
+        return np.hstack([resting[..., 0], values]), np.hstack([resting[..., 1], rates])
+
+    def _steps(self, cycles: CycleRows) -> tuple[Array, Array, Array, Array]:
+        """Of the steps between nodes: when the nodes are reached (k + 1, n), lengths (k, n), 0 where a row takes none;
+        at both ends (k, n, 4): force, its rate, acceleration, speed."""
+        x, t, mode, direction = (np.array([getattr(node, q) for node in cycles.nodes]) for q in Node.__annotations__)
+        h, ends = np.diff(t, axis=0), np.zeros((2, len(t) - 1, len(self.settings), 4))
+        for number, shown in enumerate(_shown(self.model)):
+            step, row = np.nonzero((h > 0.0) & (mode[1:] == number))
+            w, zero = self.settings[row], np.zeros(row.size)
+            constants = np.column_stack([w[:, :-2], w[:, -1], direction[1:][step, row], w[:, -2], zero, zero])
+            for side in (0, 1):
+                state = x[step + side, row]
+                ends[side, step, row] = np.column_stack([shown([state, constants])[0], state[:, SPEED]])
+        return t, h, *ends
 
 
-# What is reported of cycles: extremes lie between nodes, on cubics through both ends of a step.
-
-
-def cycle_figures(model: Model, cycle: Cycle) -> Array:
-    """QUANTITIES (9,) of one cycle, from the nodes of its slides."""
-    nodes = [
-        Node(part.x[i][None], np.array([part.start + part.t[i]]), *(np.array([q]) for q in where))
-        for part in cycle.slides
-        for where in [(MODES.index(part.mode), part.situated.direction)]
-        for i in range(part.t.size)
-    ]
-    one, (stick, slip) = np.ones(1, dtype=bool), (np.array([q]) for q in (cycle.stick, cycle.slip))
-    start, onset, end = cycle.start[None], cycle.onset[None], cycle.end[None]
-    rows = CycleRows(start, onset, end, stick, slip, one, ~one, tuple(nodes))
-    return np.asarray(_figures(model, cycle.setting[None], rows)[0])
-
-
-def _figures(model: Model, settings: Array, cycles: CycleRows) -> Array:
-    n, speed = len(settings), settings[:, -1]
-    constants = np.concatenate([settings[:, :-2], np.zeros((n, 5))], axis=1)
-    constants[:, -5], constants[:, -4], constants[:, -3] = speed, 1.0, settings[:, -2]
-    onset, arrest = (load_slopes(model)([x, settings])[0][:, 0] for x in (cycles.onset, cycles.end))
-    highest, lowest, fastest = onset.copy(), arrest.copy(), np.full(n, -np.inf)
-    for a, b in pairwise(cycles.nodes):
-        for mode, shown in enumerate(_shown(model)):
-            rows = np.flatnonzero((b.t > a.t) & (b.mode == mode))
-            if not rows.size:
-                continue
-            constants[rows, -4] = b.direction[rows]
-            first, last = (shown([node.x[rows], constants[rows]])[0] for node in (a, b))
-            h = b.t[rows] - a.t[rows]
-            top, bottom = _extremes(first[:, 0], last[:, 0], h * first[:, 1], h * last[:, 1])
-            peak, _ = _extremes(a.x[rows, SPEED], b.x[rows, SPEED], h * first[:, 2], h * last[:, 2])
-            highest[rows], lowest[rows] = np.maximum(highest[rows], top), np.minimum(lowest[rows], bottom)
-            fastest[rows] = np.maximum(fastest[rows], peak)
-    distance = speed * cycles.slip - (cycles.end - cycles.onset)[:, ELONGATION]
-    jump = [onset - arrest, cycles.stick + cycles.slip, cycles.stick, cycles.slip, distance, fastest, onset, arrest]
-    out = np.stack([*jump, highest - lowest], axis=1)
-    out[~cycles.rests] = np.nan
-    return out
+def _cubic(v0: Array, v1: Array, d0: Array, d1: Array) -> tuple[Array, Array]:
+    """a and b of the cubics v0 + s (d0 + s (b + s a / 3)) on [0, 1] with ends v0, v1 and slopes d0, d1 there."""
+    return 3.0 * (2.0 * (v0 - v1) + d0 + d1), 3.0 * (v1 - v0) - 2.0 * d0 - d1
 
 
 def _extremes(v0: Array, v1: Array, d0: Array, d1: Array) -> tuple[Array, Array]:
     """The largest and the smallest value of cubics on [0, 1] with ends v0, v1 and slopes d0, d1 there."""
-    a, b = 3.0 * (2.0 * (v0 - v1) + d0 + d1), 3.0 * (v1 - v0) - 2.0 * d0 - d1
+    a, b = _cubic(v0, v1, d0, d1)
     with np.errstate(all="ignore"):
         root = np.sqrt(np.maximum(b * b - a * d0, 0.0))
         near = np.where(b >= 0.0, -b - root, -b + root)  # without cancellation
