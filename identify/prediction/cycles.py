@@ -463,7 +463,7 @@ class CycleBatch:
             step, row = np.nonzero((h > 0.0) & (mode[1:] == number))
             w, zero = self.settings[row], np.zeros(row.size)
             constants = np.column_stack([w[:, :-2], w[:, -1], direction[1:][step, row], w[:, -2], zero, zero])
-            for side in (0, 1):
+            for side in (0, 1) if step.size else ():
                 state = x[step + side, row]
                 ends[side, step, row] = np.column_stack([shown([state, constants])[0], state[:, SPEED]])
         return t, h, *ends
