@@ -13,8 +13,7 @@ from data_io import read_log
 from identify.cli import main as cli
 
 ROOT = Path(__file__).parents[2]
-PLAIN, STROKES = (ROOT / "tests/cases" / name for name in ("plain.csv", "strokes_300_without_position.csv.gz"))
-AS_STROKES = (str(STROKES), "--columns", "friction_force=Ft", "--normal-force", "5 N")
+PLAIN = ROOT / "tests/cases/plain.csv"
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
 
 
@@ -36,12 +35,14 @@ def test_a_minus_sign_is_never_lost(monkeypatch):
     told = shown(monkeypatch, "inspect", PLAIN, encoding="cp1252")
     (line,) = (text for text in told.split("\n") if "normal force drift" in text)
     assert "−" in line and "?" not in line
-    document = json.loads(shown(monkeypatch, "inspect", *AS_STROKES, "--json", encoding="ascii"))
+    document = json.loads(shown(monkeypatch, "inspect", PLAIN, "--json", encoding="ascii"))
     assert document["status"] == "done"
 
 
-@pytest.mark.parametrize(("word", "code"), [("--version", 0), ("inspect", 2)])
-@pytest.mark.parametrize("closed", ["<&- >&- 2>&-", "2>/dev/full", "2>&1 | true"])
+@pytest.mark.parametrize(
+    ("word", "code", "closed"),
+    [("--version", 0, "2>&1 | true"), ("inspect", 2, "<&- >&- 2>&-"), ("inspect", 2, "2>/dev/full")],
+)
 def test_exit_code_is_that_of_the_work_whoever_listens(word, code, closed):
     """Of the two commands that are the quickest to start: one that answers, one that is refused."""
     done = command(word, shell=f"{closed}; exit ${{PIPESTATUS[0]}}")

@@ -91,10 +91,10 @@ def _differences(unknowns, index, log, wanted, h):
     return (ends[0] - 8 * ends[1] + 8 * ends[2] - ends[3]) / (12 * h)
 
 
-@pytest.mark.parametrize(
-    "kind",
-    [pytest.param(k, marks=[pytest.mark.slow] * (k == "never renewed")) for k in CASES],  # the longest
-)
+KIND = [pytest.param(k, marks=[pytest.mark.slow] * (k == "never renewed")) for k in CASES]  # the longest
+
+
+@pytest.mark.parametrize("kind", KIND)
 def test_derivatives_through_every_switch_are_those_of_the_integrator(kind):
     pair, log, renewed, of_arrests, in_moment = CASES[kind]
     problem, x, follows, trajectory = _solved_once(kind)
@@ -130,7 +130,7 @@ def test_derivatives_through_every_switch_are_those_of_the_integrator(kind):
         assert np.max(np.abs(held - expected[count:])) > 1e-2 * np.max(np.abs(expected[count:]))
 
 
-@pytest.mark.parametrize("kind", CASES)
+@pytest.mark.parametrize("kind", KIND)
 def test_the_motion_is_that_of_the_integrator(kind, monkeypatch):
     pair, log, *_ = CASES[kind]
     truth = oracle.simulate(pair | case.RIG, log[0], case.LOAD, log[1])
