@@ -11,10 +11,8 @@ from pathlib import Path
 import pytest
 
 from identify.app.folder import Folder
-from identify.app.jobs import words_of
 from identify.app.server import Serving
 from identify.cli import main as cli
-from identify.cli.main import build_parser
 from tests.app.conftest import Client, served
 
 
@@ -121,15 +119,6 @@ def test_the_key_is_no_argument_of_a_program(tmp_path, monkeypatch):
     address, path, page, others = opened
     token = page.partition("url=http://127.0.0.1:")[2].split("/")[1]
     assert len(token) > 20 and token not in address and others == 0 and not path.exists()
-
-
-@pytest.mark.parametrize("name", ["-rf", "--out", "--json.csv", "-h"])
-def test_a_log_with_the_name_of_an_option_is_a_file(tmp_path, name):
-    (tmp_path / name).write_text("t\n", encoding="utf-8")
-    asked = {"command": "fit", "logs": [name], "scene": name, "out": f"{name}-fit"}
-    words, _ = words_of(Folder.at(tmp_path), asked)
-    taken = build_parser().parse_args(words)
-    assert (taken.logs, taken.scene, taken.out) == ([f"./{name}"], f"./{name}", f"./{name}-fit")
 
 
 def test_the_page_is_reached_through_another_port_of_this_machine(unchanged):

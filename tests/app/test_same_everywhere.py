@@ -4,19 +4,15 @@ import csv
 import html
 import json
 import re
-from pathlib import Path
 
 import pytest
 
 from identify.app.folder import Folder
 from identify.app.results import batch_seen, fit_seen
 from identify.cli.main import main
-from identify.report import style
-from identify.report.draw_map import REGIONS, SLIDES, STICKS
 from identify.report.report_tables import summary
 from tests.support.fake_fit import fit_of_a_scene, with_verdicts
 
-STATIC = Path(__file__).parents[2] / "identify" / "app" / "static"
 MAPPED = """effects = ["inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening"]
 rig = { mass = "0.2 kg", stiffness = "1470 N/m", damping = "147 N/m", drive_speed = "1 mm/s", normal_force = "1 N" }
 """
@@ -63,16 +59,3 @@ def test_a_map_has_the_same_outcomes_in_page_and_file(tmp_path, capsys):
     with (tmp_path / "map.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
     assert [row["outcome"] for row in rows] == [outcome for line in page["outcomes"] for outcome in line]
-
-
-def test_colours_and_words_are_those_of_the_report():
-    css, script = ((STATIC / name).read_text(encoding="utf-8") for name in ("app.css", "map.js"))
-    day = dict(re.findall(r"--([\w-]+): (#\w+);", css.partition("@media")[0]))
-    pairs = {"force": style.MEASURED, "model": style.FITTED, "residual": style.RESIDUAL, "accent": SLIDES}
-    assert STICKS == style.FITTED and {name: day[name].lower() for name in pairs} == {
-        n: c.lower() for n, c in pairs.items()
-    }
-    drawn = re.findall(r'"?([\w ]+)"?: \["([^"]+)", "--(\w+)"', script)
-    assert len(drawn) == 4 and {outcome.strip(): (day[name], words) for outcome, words, name in drawn} == {
-        outcome.strip(): REGIONS[outcome.strip()] for outcome, *_ in drawn
-    }

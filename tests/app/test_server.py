@@ -198,13 +198,6 @@ def test_fits_killed_at_random_instants_leave_nothing_half_written(client, servi
             assert client.get("fit", path="one")[0] == 200, result
 
 
-def test_a_draft_is_newer_than_its_file_also_where_the_clock_was_set_back(client, root):
-    os.utime(root / "pair.toml", (4e9, 4e9))
-    text = client.get("scene", path="pair.toml")[1]["text"] + "# mine\n"
-    assert client.post("edit", path="pair.toml", text=text)[1]["text"] == text
-    assert client.post("save", path="pair.toml")[1]["saved"] and (root / "pair.toml").read_text() == text
-
-
 def test_a_server_that_starts_again_finds_what_ran(client, root):
     _, job = client.post("start", command="scene", logs=["5_mm_per_s.csv"], out="new.toml")
     with served(root) as other:

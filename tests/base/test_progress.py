@@ -56,8 +56,3 @@ def test_on_a_terminal_one_line_changes(monkeypatch):
     work(ProgressBar(terminal))
     lines = terminal.getvalue().split("\n")
     assert len(lines) == 2 and lines[0].endswith("log 2 was cut <short>") and " 50%" in lines[1]
-
-
-def test_where_neither_is_there_it_is_silent(capsys):
-    work(ProgressBar())
-    assert capsys.readouterr() == ("", "")

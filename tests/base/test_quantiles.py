@@ -1,8 +1,5 @@
 """Quantiles against those of scipy.stats, which takes a third of a second to import and is not imported by a fit."""
 
-import sys
-from subprocess import run
-
 import pytest
 from scipy import stats
 
@@ -19,11 +16,3 @@ def test_each_is_that_of_its_distribution(probability: float) -> None:
         assert quantiles.chi_square_exceeded(probability, freedom) == pytest.approx(
             stats.chi2.isf(probability, freedom)
         )
-
-
-def test_a_fit_does_not_import_what_a_steady_load_has_no_use_for() -> None:
-    """These are a fifth of the import."""
-    unused = "scipy.stats", "scipy.signal", "scipy.optimize", "scipy.integrate", "jinja2", "h5py"
-    seen = f"import sys, identify.identification; print([m for m in {unused} if m in sys.modules])"
-    done = run([sys.executable, "-c", seen], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"

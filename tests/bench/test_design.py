@@ -1,6 +1,5 @@
 """What a log is expected to tell, against longer simulations and closed forms; `stickslip plan`."""
 
-import csv
 import json
 from dataclasses import replace
 
@@ -11,7 +10,7 @@ from data_io import Record
 from experiments.study_problem import DEMO, NOISE, RIG
 from identify import Scene, fit
 from identify.bench.design import LogDesign, promised, simulated_log
-from identify.bench.plan import Choices, driven, plan, plan_text, step_table
+from identify.bench.plan import Choices, driven, plan
 from identify.cli import main as cli
 from identify.effects import MAIN
 from identify.estimation.covariance import inverse
@@ -106,13 +105,6 @@ def test_errors_of_rig_and_sensors_are_lowered_by_no_log(planned):
     known = replace(planned.knowledge, systematic=np.array([0.0, 0.05**2]))
     exact, more = (k.halves(1e9 * np.array([np.eye(2)] * 4)) for k in (planned.knowledge, known))
     assert np.all(exact < 1e-3) and np.allclose(more[:, 1], np.expm1(1.96 * 0.05), rtol=1e-3)
-
-
-def test_the_table_has_every_log(planned):
-    rows = list(csv.DictReader(step_table(planned).splitlines()))
-    assert [float(row["duration_s"]) for row in rows] == pytest.approx([log.duration for log in planned.logs], rel=1e-3)
-    assert [float(row["drive_speed_mm_per_s"]) for row in rows] == [1e3 * log.design.speed for log in planned.logs]
-    assert rows and "add " in plan_text(planned)
 
 
 def recorded(pair, speed, duration, rate, seed):

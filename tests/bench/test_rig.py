@@ -17,7 +17,6 @@ from identify.bench.ringdown import ring_downs
 from identify.cli import main as cli
 from identify.effects import MAIN
 from identify.logs.unknowns import from_scene
-from identify.shooting.layout import NlpBuilder
 
 RIG = {"mass": 0.2, "stiffness": 1470.0, "damping": 147.0}
 OMEGA, ZETA = np.sqrt(1470.0 / 0.2), 0.05
@@ -192,26 +191,6 @@ def test_what_a_tap_ties_errs_together_in_the_priors():
     assert weighed.prior_about[rig[1]] == -1 and weighed.prior_sd[rig[1]] == pytest.approx(0.01, rel=1e-3)
     again = Scene.from_document(scene.as_document())
     assert np.allclose(from_scene(again).prior_precision, unknowns.prior_precision)
-
-
-def test_a_problem_counts_tied_priors_whatever_of_them_is_fixed():
-    """As a quadratic form of theta it is that of the priors, but for what does not change."""
-    scene, random = tied_scene(Measured("frequency", OMEGA, 5e-4, "tap")), np.random.default_rng(5)
-    unknowns = from_scene(scene)
-    start = unknowns.start + 0.01 * random.standard_normal(len(unknowns.names))
-    free = unknowns.free & ~np.isin(unknowns.names, ["stiffness"])
-    made = NlpBuilder(unknowns.model, replace(unknowns, start=start, free=free), np.flatnonzero(free))
-    mean, sd, about = (made.columns()[f"prior_{name}"] for name in ("mean", "sd", "about"))
-    about = about.astype(int)
-
-    def costs(theta):
-        searched = theta[free]
-        off = (searched - np.where(about >= 0, searched[about], 0.0) - mean) / sd
-        return off @ off, theta @ np.nan_to_num(unknowns.prior_precision) @ theta
-
-    there = np.where(free, start + 0.01 * random.standard_normal(start.size), start)
-    (here, whole), (other, all_of_it) = costs(start), costs(there)
-    assert other - here == pytest.approx(all_of_it - whole, rel=1e-9)
 
 
 def test_a_stick_on_skin_is_a_log_of_its_own_and_need_not_be_named_twice(tmp_path, capsys):

@@ -148,8 +148,6 @@ def test_simulated_logs_are_read_back_and_only_they_are_written_over(folder, cap
     assert "may hold a measured log" in refused(capsys, "convert", LOGS[0], "--out", "log.h5")
 
 
-
-
 def cetr(folder, name="Anna Meier.txt", rows=60):
     path = folder / name
     random = np.random.default_rng(3)

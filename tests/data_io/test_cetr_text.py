@@ -92,12 +92,3 @@ def test_several_runs_must_be_chosen(tmp_path):
     assert len(read_log(path, step=2)) == 10  # only one run has it
     with pytest.raises(LogError, match="step 7 was asked for"):
         read_log(path, run=1, step=7)
-
-
-def test_a_step_without_rows_between_others_is_told_and_kept_apart(tmp_path):
-    path = log(tmp_path, run_text(1, step_text(1, 20), step_text(2, 0, count=9)), run_text(2, step_text(1, 10)))
-    first, second = read_log(path, run=1), read_log(path, run=2)
-    assert [step.number for step in first.steps] == [1] and {"empty_step", "data_count"} <= codes(first)
-    assert [step.number for step in second.steps] == [1] and second.steps[0].parameters["Data Count"] == "10"
-    with pytest.raises(LogError, match="step 2 holds no rows"):
-        read_log(path, run=1, step=2)

@@ -372,13 +372,6 @@ def test_a_window_is_the_same_rows_in_every_format(tmp_path, start):
         assert part.time[0] == 0.0 and part.metadata["window_start"] == pytest.approx(1.0, abs=1e-6), name
 
 
-def test_a_window_outside_says_where_times_count_from(tmp_path):
-    for name in late(tmp_path):
-        with pytest.raises(LogError, match=r"runs from 0 to 3.99 s, counted from its first row, .* shows 5 s; move"):
-            read_log(tmp_path / name, window=(5.0, 7.0))
-        assert len(read_log(tmp_path / name, window=(3.0, 7.0))) == 100, "the remedy: inside"
-
-
 def test_a_run_of_steps_has_one_zero(tmp_path):
     steps = (Step(1, 1, 0, 150), Step(1, 2, 150, 400))
     t = np.arange(400) / 100.0

@@ -150,19 +150,3 @@ def test_the_order_of_columns_does_not_matter(tmp_path, name):
     assert (data == made.data) == (name == "blanks")
     path = put(tmp_path, kind, data)
     assert run_reader_fuzz.judge(path, kind, made, [ORDER], data) == "read as written"
-
-
-@pytest.mark.parametrize(
-    ("data", "words"),
-    [
-        (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(600), "old Excel"),
-        (b"TDSm" + bytes(range(200)), "holds no channel with samples"),
-        (b"#1# Name$pair$\x00\x01\x02" + bytes(50), "native CETR"),
-        (b"MATLAB 5.0 MAT-file, broken" + bytes(300), "damaged|no columns"),
-        (b"PK\x03\x04" + bytes(30) + b"[Content_Types].xml" + bytes(300), "damaged"),
-    ],
-)
-def test_binary_files_that_cannot_be_read_are_named(tmp_path, data, words):
-    (tmp_path / "log.bin").write_bytes(data)
-    with pytest.raises(LogError, match=words):
-        read_log(tmp_path / "log.bin")

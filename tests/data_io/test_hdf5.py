@@ -60,24 +60,6 @@ def test_what_is_missing_is_named(tmp_path, changes, columns, words):
         read_log(foreign(tmp_path, **changes), columns=columns)
 
 
-def test_the_layout_written_by_others(tmp_path):
-    path = tmp_path / "rig.h5"
-    with h5py.File(path, "w") as file:
-        for step, start in ((1, 0.0), (2, 100.0), (10, 200.0)):
-            group = file.create_group(f"run_1/step_{step}")
-            group.attrs.update({"speed": "1 mm/s", "cycles": 3})
-            columns = {"time": start + np.arange(5), "normal_force": np.ones(5), "friction_force": np.arange(5.0)}
-            units = {"time": "s", "normal_force": "N", "friction_force": "mN", "position": "mm"}
-            for name, values in {**columns, "position": np.arange(5.0)}.items():
-                group[name] = values
-                group[name].attrs["units"] = units[name]
-    record = read_log(path)
-    assert [step.number for step in record.steps] == [1, 2, 10] and record.time[5] == 100.0
-    assert dict(record.steps[0].parameters) == {"speed": "1 mm/s", "cycles": "3"}
-    assert record.channels["position"][1] == 1e-3 and record.friction_force[1] == 1e-3
-    assert read_log(path, step=10).metadata["file_time_start"] == 200.0
-
-
 N = 4 * BLOCK + 1000  # columns are looked at block by block
 
 
@@ -127,16 +109,6 @@ def right(record, rows=slice(None)):
     np.testing.assert_allclose(record.friction_force, FORCE[rows], rtol=1e-12)
     np.testing.assert_allclose(record.normal_force, 2.0, rtol=1e-12)
     np.testing.assert_allclose(record.time, TIME[rows] - TIME[rows][0], atol=1e-12)
-
-
-def test_the_case_of_a_matrix():
-    named = {"time": "/data:1", "normal_force": "/data:2", "friction_force": "/data:3"}
-    record = read_log(CASES / "matrix.h5", columns=named, units=UNITS)
-    assert len(record) == 800 and record.friction_force[1] == 0.3539 and record.normal_force[1] == 0.9997
-    by_name = read_log(CASES / "matrix.h5", units=UNITS)
-    np.testing.assert_array_equal(by_name.friction_force, record.friction_force)
-    part = read_log(CASES / "matrix.h5", columns=named, units=UNITS, window=(1.0, 2.0))
-    np.testing.assert_array_equal(part.friction_force, record.friction_force[100:201])
 
 
 @pytest.mark.parametrize("lying", [False, True])

@@ -322,8 +322,3 @@ def test_swapped_forces_are_asked_for(tmp_path):
 def test_what_is_as_its_name_says_is_not_asked_for(tmp_path, friction, other):
     path = text(tmp_path, **{"t [s]": TIME, "Fx [N]": friction, "Fy [N]": other, "Fz [N]": still(1.0)})
     np.testing.assert_allclose(read_log(path).friction_force, friction, atol=1e-5)
-
-
-def test_a_load_that_swings_under_a_high_friction_is_not_asked_for(tmp_path):
-    path = text(tmp_path, **{"t [s]": TIME, "Fx [N]": saw(1.8, 1.2), "Fz [N]": 1.0 + 0.1 * np.sin(TIME)})
-    assert len(read_log(path)) == N

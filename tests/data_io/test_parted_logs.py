@@ -93,10 +93,3 @@ def test_a_result_with_too_few_logs_or_parts_of_none_is_no_result(fitted, folder
         logs = [result["logs"][0] | {"part_of": changed}, *result["logs"][1:]]
         Path("result.json").write_text(json.dumps(result | {"logs": logs}))
         assert "no result" in refused(capsys, "stability", "--result", "result.json")
-
-
-def test_a_log_that_changed_while_it_was_fitted_is_seen_behind_its_parts(tmp_path, fitted, monkeypatch):
-    (job,) = plan(tmp_path / "m.csv", tmp_path / "scene.toml").jobs
-    (tmp_path / "one_way.csv").write_text((tmp_path / "one_way.csv").read_text() + "\n")
-    end = make(job, tmp_path / "again")
-    assert end.status == "outdated" and "one_way.csv" in end.message

@@ -1,13 +1,12 @@
 """The quality gate finds what was put in, names it, and is silent about a clean record."""
 
-import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from data_io import Record, Step, read_log
-from data_io.quality import assess, verdict_of
+from data_io import Record, Step
+from data_io.quality import assess
 
 MEASURED = Path(__file__).resolve().parents[3] / "shared" / "data" / "paper_on_paper"
 N = 2000
@@ -32,26 +31,11 @@ def resolution(force):
     return assess(record(friction_force=force)).figures["resolution"][0]
 
 
-def test_a_clean_record_is_good():
-    quality = assess(record())
-    assert verdict_of(quality.findings) == "accept" and not quality.findings
-    assert quality.sampling.rate == pytest.approx(500) and quality.figures["normal_force"][0] == pytest.approx(
-        1, rel=1e-3
-    )
-
-
 def test_the_rate_of_a_clock_of_whole_milliseconds_is_that_of_its_span():
     time = np.floor(12.5 * np.arange(N)) / 1000  # steps of 12 and 13 ms
     assert assess(record(time)).sampling.rate == pytest.approx(80.0, rel=1e-3)
     gapped = np.delete(time, np.arange(400, 420))
     assert assess(record(gapped)).sampling.rate == pytest.approx(80.0, rel=1e-3), "a dropout is no slow clock"
-
-
-def test_a_rate_switch_is_located():
-    time = np.r_[np.arange(500) / 10, 50 + np.arange(N - 500) / 1000]
-    (message,) = (f.message for f in assess(record(time)).findings if f.code == "rate_switch")
-    assert "between 10 and 1000 Hz" in message
-    assert float(re.search(r"as at ([\d.]+) s", message)[1]) == pytest.approx(50, abs=0.2)
 
 
 def test_a_pause_between_steps_is_no_dropout():
@@ -68,12 +52,3 @@ def test_the_step_is_found_through_the_rounding_of_the_file_and_none_among_uneve
     uneven = np.sort(np.random.default_rng(2).uniform(force.min(), force.max(), 20))
     held = uneven[np.clip(np.searchsorted(uneven, force), 0, 19)]
     assert resolution(held) == 0
-
-
-def test_measured_records_are_good():
-    if not MEASURED.is_dir():
-        pytest.skip("the measured paper-on-paper records are not on this machine")
-    for path in sorted(MEASURED.glob("*.csv")):
-        quality = assess(read_log(path))
-        assert verdict_of(quality.findings) == "accept" and quality.sampling.rate == pytest.approx(2000)
-        assert codes(quality) == {"normal_force_not_measured"}

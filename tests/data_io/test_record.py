@@ -45,13 +45,6 @@ def test_missing_normal_and_friction_rows_count_together():
         ramp(40, friction_force=with_gap(5), normal_force=normal)
 
 
-@pytest.mark.parametrize("mark", [9.9e37, -9.91e37, 1e30, 1e300, -2e9])
-def test_marks_of_overflow_become_missing(mark):
-    record = ramp(friction_force=np.r_[np.zeros(18), mark, 0.9e9])
-    assert np.isnan(record.friction_force[18]) and record.friction_force[19] == 0.9e9
-    assert [f.code for f in record.findings] == ["missing_rows"]
-
-
 def test_a_process_gets_the_same_frozen_record():
     record = ramp(drive_speed=1e-3, channels={"Z": np.ones(20)}, metadata={"path": "p"})
     other = pickle.loads(pickle.dumps(record))

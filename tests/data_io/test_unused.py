@@ -1,6 +1,5 @@
 """The user's window and exclude come before every check: what is left unused may hold whatever it likes."""
 
-import re
 from pathlib import Path
 
 import h5py
@@ -15,7 +14,7 @@ from identify.logs.unknowns import from_scene
 from identify.scene import Scene
 
 CASES = Path(__file__).parents[1] / "cases"
-NAN_BLOCK, DELETED = CASES / "nan_block.csv", CASES / "gap_block.csv"
+NAN_BLOCK = CASES / "nan_block.csv"
 
 
 def rows(text, n=400, start=0.0):
@@ -103,16 +102,3 @@ def test_scene_that_cuts_the_block_out_is_prepared(name):
     untouched = Scene.from_document({**dict(scene.as_document()), "logs": [{"path": str(NAN_BLOCK)}]}, CASES)
     with pytest.raises(LogError, match="has no number"):
         read_entry(untouched, 0)
-
-
-def test_all_that_is_missing_is_asked_for_at_once(tmp_path):
-    (tmp_path / "log.csv").write_text("Q,R,Fz\n" + "".join(f"{i},{i},3\n" for i in range(9)))
-    with pytest.raises(LogError) as refused:
-        read_log(tmp_path / "log.csv")
-    sentence = str(refused.value)
-    assert "no time column and no friction force column" in sentence
-    asked = dict(item.split("=") for item in re.search(r"--columns (\S+)", sentence)[1].split(","))
-    units = dict(item.split("=") for item in re.search(r"--units ([\w=,]+)", sentence)[1].strip(",").split(","))
-    assert asked.keys() == {"time", "friction_force"} and units.keys() == {"time", "friction_force", "normal_force"}
-    named = dict(zip(asked, ("Q", "R"), strict=True))
-    assert len(read_log(tmp_path / "log.csv", columns=named, units=units)) == 9

@@ -130,25 +130,6 @@ def test_the_layout_is_as_promised(tmp_path):
             )
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
-        ("# stickslip-log 1", "# stickslip-log 9", "version '9'"),
-        ('"steps": [[1', '"steps": [["one"', "line 2"),
-        ('"metadata": {', '"metadata": {"file_time_start": "x", ', "line 2"),
-        ('"findings": [', '"findings": [["a", "grave", "b"]', "line 2"),
-        ("s,N,N,N", "s,N", "line 4"),
-    ],
-)
-def test_our_csv_edited_badly_is_refused(tmp_path, old, new, words):
-    write_csv(sample(), tmp_path / "log.csv")
-    text = (tmp_path / "log.csv").read_text()
-    assert old in text
-    (tmp_path / "log.csv").write_text(text.replace(old, new))
-    with pytest.raises(LogError, match=words):
-        read_log(tmp_path / "log.csv")
-
-
 @pytest.mark.parametrize("write", [write_hdf5, write_csv])
 def test_places_that_cannot_be_written_are_named(tmp_path, write):
     for place in (tmp_path, tmp_path / "absent" / "log"):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 
 import casadi as ca
@@ -10,13 +9,9 @@ import numpy as np
 import pytest
 
 import identify.model.model
-from data_io import read_log
-from identify.cli.main import main
 from identify.effects import ALL
 from identify.effects.quantities import Effect, Parameter, Situation, Terms
 from identify.model.model import BASE_PARAMETERS, SPEED, TIME, Model, assemble
-from identify.scene import Scene
-from identify.simulation.simulate import simulate
 from tests.support import effects_case as case
 
 EVERY = pytest.mark.parametrize("effect", ALL, ids=lambda effect: effect.name)
@@ -184,36 +179,4 @@ def test_load_cell_settles_at_the_force_asked_for(effect):
 # ---- numbers of a scene
 
 
-@EVERY
-def test_importance_speaks_for_itself(effect):
-    model = assemble(case.company(effect))
-    p = dict(zip(model.parameter_names, case.values(model).tolist(), strict=True))
-    told = effect.importance(p, case.FORCE, case.SPEED)
-    if not effect.parameters:
-        return  # what comes with a measured course, no number tells
-    assert told is not None, "from the numbers of a scene it can be said when an effect matters"
-    assert math.isfinite(told.value) and told.value >= 0.0 and told.group
-    assert told.sentence[0].islower() and not told.sentence.endswith("."), "a clause for a list"
-    assert effect.refusal(p, case.FORCE, 0.02) is None, "the defaults are inside the range"
-
-
 # ---- save and load
-
-
-def test_simulated_log_is_read_back(tmp_path):
-    """Many effects together: what the simulation shows is what the log says, in both formats."""
-    names = tuple(n for n in ALL_TOGETHER if n != "friction_heterogeneity")  # slow to set up
-    numbers, model = case.numbers(names), assemble(names)
-    rig = {q.name: numbers[q.name] for q in model.parameters if q.kind == "rig"}
-    lines = [f"effects = {json.dumps(list(names))}", "[rig]", *(f"{k} = {v!r}" for k, v in rig.items())]
-    lines += [f"drive_speed = {case.DRIVE}", f"normal_force = {case.LOAD}", "[parameters]"]
-    lines += [f"{q.name} = {{ fixed = {numbers[q.name]!r} }}" for q in model.parameters if q.kind != "rig"]
-    scene = tmp_path / "scene.toml"
-    scene.write_text("\n".join(lines), encoding="utf-8")
-    shown = None
-    for log in (tmp_path / "log.csv", tmp_path / "log.h5"):
-        assert main(["simulate", "--scene", str(scene), "--duration", "0.6", "--rate", "500", "--out", str(log)]) == 0
-        record = read_log(log)
-        shown = simulate(Scene.from_toml(scene), 0.6).sample(record.time)["force"] if shown is None else shown
-        np.testing.assert_allclose(record.friction_force, shown, rtol=0.0, atol=1e-9)
-    assert np.ptp(shown) > 0.1

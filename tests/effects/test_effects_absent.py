@@ -7,12 +7,10 @@ import pytest
 
 from identify.effects import ALL
 from identify.model.model import assemble
-from identify.scene import Scene
 from identify.simulation.plan import Stepping
-from identify.simulation.simulate import initial_states, run, simulate
+from identify.simulation.simulate import initial_states, run
 from tests.support import effects_case as case
 
-VARYING = (*case.MAIN, "varying_normal_force")
 TIMES, FORCES = case.TIMES, case.FORCES
 # A slip that starts under a rising pull takes sqrt(m D / fall) ln(...) until it has slid by D; with D falling as the
 # square of the creep time, so that no speed of sliding ages, that is the first order less the logarithm.
@@ -93,21 +91,3 @@ def test_an_effect_near_its_limit_is_nearly_absent(effect):
     order = np.diff(np.log(errors)) / np.diff(np.log(strengths))
     assert order == pytest.approx(ORDER.get(effect.name, 1.0), abs=0.15), (errors, order)
     assert errors[-1] < 1e-2 * case.LOAD
-
-
-def test_where_it_is_off_the_normal_force_is_its_mean():
-    times, forces = np.array(case.COURSE).T
-    mean = float(np.trapezoid(forces, times)) / case.DURATION
-    rig = {"mass": 0.2, "stiffness": 1470.0, "damping": 147.0, "drive_speed": case.DRIVE}
-    scenes = [Scene.from_document({"effects": list(names), "rig": rig}) for names in (case.MAIN, VARYING)]
-    off, on = (
-        simulate(scene, case.DURATION, normal_force=(times, forces), accuracy=10.0 * case.RTOL).onsets
-        for scene in scenes
-    )
-    np.testing.assert_allclose(
-        off,
-        simulate(scenes[0], case.DURATION, normal_force=mean, accuracy=10.0 * case.RTOL).onsets,
-        rtol=0.0,
-        atol=TIMES,
-    )
-    assert np.max(np.abs(on[:2] - off[:2])) > 1e-3

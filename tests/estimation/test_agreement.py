@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from functools import lru_cache
 from pathlib import Path
 
@@ -79,18 +78,6 @@ def _found(factor, **parameters):
     scene = Scene.from_document(document | ({"parameters": parameters} if parameters else {}), Path())
     _, found = find(scene, _records(factor))
     return found
-
-
-@pytest.mark.slow
-def test_a_log_of_another_pair_is_named_though_the_misfit_is_noise():
-    found = _found(OTHER)
-    assert found.status is Status.MODEL_MISFIT
-    assert "log_2.csv contradicts the other logs" in found.message
-    without = re.search(r"without it a is (\S+) s/m instead of", found.message)
-    assert without is not None and float(without[1]) == pytest.approx(DEMO["a"], rel=0.15)
-    assert found.attempt.gate.chi2_per_sample == pytest.approx(1.0, abs=0.05)  # nothing else sees it
-    a = next(e for e in found.estimates if e.name == "a")
-    assert a.verdict == "identified" and not a.lower <= DEMO["a"] <= a.upper, "what would be published without it"
 
 
 def test_logs_of_one_pair_agree():

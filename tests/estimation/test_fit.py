@@ -94,13 +94,6 @@ def _alone(force):
     return outcome, check_document(outcome.result), outcome.result["logs"][0]["classical"]["rows"][0]
 
 
-def test_a_drive_that_only_loads_still_gives_the_classical_table():
-    """A force that rises and never falls holds no cycle and no level: nothing to fit, and the table all the same."""
-    outcome, result, row = _alone(np.linspace(0.0, 0.9, 3001))
-    assert outcome.status is Status.NO_CYCLES and "log_2.csv" in result["message"] and row["cycles"] == 0
-    assert not np.any(np.isfinite(outcome.logs[0].fitted_force))
-
-
 @pytest.mark.usefixtures("no_predictions")
 def test_sliding_alone_holds_its_level_and_says_so():
     outcome, result, row = _alone(0.9)

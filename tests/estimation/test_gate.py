@@ -7,7 +7,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
 from identify.base.outcome import Status
 from identify.estimation.goodness_of_fit import inconsistency, pass_gate
@@ -100,21 +99,6 @@ def test_a_wrong_mass_is_refused():
     assert gate.status is pass_gate(wrong, NAMES, (True, True)).status is Status.MODEL_MISFIT
     assert "brisk.csv" in gate.message
     assert gate.log[gate.worst] == 2
-
-
-def test_what_is_refused_has_no_level_of_noise():
-    """The level would widen the scores that look for its cause."""
-    logs, unknowns = [case.simulated(case.PAIR, 1e-3, 5.0, 1000.0)], case.search_space(case.PAIR, case.FRICTION)
-    white = case.NOISE * np.random.default_rng(3).standard_normal(logs[0].time.size)
-    slow = lfilter([0.3], [1.0, -0.9], white)
-    (exact,) = (case.log_data(log, unknowns) for log in logs)
-    data = [replace(exact, force=exact.force + white + slow, normal_force_sd=1e-3)]
-    solved = solve_in_passes(data, case.placed(unknowns, logs, data, COARSE_GRID), unknowns.with_weak_priors())
-    gate = pass_gate(solved, NAMES[:1], [True])
-    assert gate.status is Status.CONVERGED and gate.level > 1.2, gate.message
-    pulled = [replace(solved.trajectories[0], deviation=solved.trajectories[0].deviation + 0.02)]
-    gate = pass_gate(replace(solved, trajectories=pulled), NAMES[:1], [True])
-    assert (gate.status, gate.level) == (Status.MODEL_MISFIT, 1.0)
 
 
 def test_a_wrong_noise_level_is_refused_unless_it_was_estimated_and_could_be_wrong_by_that(right):

@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 
 from experiments import in_vivo
-from experiments.record_kinds import DEMO, FAST, RIG, SLOW, Kind
 from identify.base.outcome import Status
 from identify.estimation.attempt import solve_from
 from identify.estimation.certainty import Question, certainty
 from identify.estimation.covariance import information_at
 from identify.estimation.multistart import multistart
-from identify.estimation.search import SearchProblem, search
 from identify.logs.prepare import prepare
 from identify.logs.scene_records import parted, with_records
 from identify.logs.unknowns import from_scene
@@ -23,15 +21,6 @@ from identify.shooting.accuracy import DEFAULT_OPTIONS
 def _prepared(scene, records):
     unknowns = from_scene(scene)
     return tuned([prepare(scene, e, r, unknowns) for e, r in zip(scene.logs, records, strict=True)], unknowns)
-
-
-@pytest.mark.slow
-def test_where_the_data_have_one_optimum_all_starts_lead_to_it():
-    prepared, unknowns = _prepared(*Kind("", (SLOW, FAST), (SLOW, FAST), DEMO, RIG).made(1))
-    right, _ = search(SearchProblem(prepared, unknowns))
-    assert right.gate.status is Status.CONVERGED
-    (optimum,) = multistart(right, unknowns, 0, information_at(right.solved, unknowns).covariance())
-    assert optimum.starts > 1 and optimum.attempt is right
 
 
 VALLEY = {

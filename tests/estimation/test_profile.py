@@ -69,17 +69,6 @@ def ratio(attempt, unknowns, index, value, steps=2):
     return 2.0 * (costs[-1] - costs[0])
 
 
-@pytest.mark.slow  # of one parameter: on a bent path, below
-@pytest.mark.parametrize("name", ["D", "mu_k0", "a", "mass"])
-def test_at_both_ends_the_data_and_the_prior_object_as_they_should(pair, name):
-    attempt, unknowns, sizes = pair
-    index = unknowns.names.index(name)
-    found = profile(attempt.solved, unknowns, sizes, np.ones(sizes.size), [index])
-    for side in found.ends[name]:
-        assert side.end is not None and not side.failed
-        assert ratio(attempt, unknowns, index, side.end) == pytest.approx(CRITICAL, rel=0.02)
-
-
 def test_what_is_allowed_for_beside_white_noise_moves_the_ends(pair):
     attempt, unknowns, sizes = pair
     index = unknowns.names.index("mu_k0")

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identify.estimation.covariance import estimates, information, inverse
+from identify.estimation.covariance import estimates, information
 from identify.shooting.layout import COARSE_GRID, Grid
 from identify.shooting.passes import solve_in_passes
 from identify.shooting.shooting import shooting_problem
@@ -163,19 +163,3 @@ def test_verdicts_change_where_the_interface_says(name, half, verdict):
     estimate = _one(name, half / 1.959964)
     assert estimate.verdict == verdict
     assert (estimate.standard_error is None) == (verdict == "not identifiable")
-
-
-def test_a_profile_overrules_the_curvature():
-    assert _one("a", 0.01).verdict == "identified"
-    estimate = _one("a", 0.01, profiles={"a": (np.log(case.PAIR["a"]) - 0.02, None)})
-    assert (estimate.verdict, estimate.standard_error, estimate.upper) == ("not identifiable", None, None)
-    assert estimate.lower == pytest.approx(300.0 * np.exp(-0.02))
-
-
-def test_what_holds_nothing_at_all_has_a_huge_variance_and_no_warning():
-    with np.errstate(all="raise"):
-        nothing = inverse(np.zeros((3, 3)))
-        half = inverse(np.diag([4.0, 0.0]))
-    assert np.all(np.isfinite(nothing)) and np.min(np.diag(nothing)) > 1e20
-    np.testing.assert_allclose(half[0], [0.25, 0.0], rtol=1e-12)
-    assert half[1, 1] > 1e20

@@ -107,33 +107,6 @@ def test_one_speed_goes_with_a_window_a_late_start_and_strokes_of_a_position():
         assert with_records(scene, [record])[1][0].findings == ()
 
 
-@pytest.mark.parametrize(("stated", "words"), [
-    (1.03e-3, "1.03 mm/s at 0 s, but the drive speed of the log is 1 mm/s there"),
-    ([[0, 1e-3], [4.6, 2e-3], [8.0, 1e-3]], "1 mm/s at 4 s, but the drive speed of the log is 2 mm/s"),
-    ([[0, 1e-3], [4.0, 2e-3]], "2 mm/s at 8 s"),
-])  # fmt: skip
-def test_a_contradiction_is_a_warning_in_one_sentence(stated, words):
-    column = ((0.0, 1e-3),) if isinstance(stated, float) else STEPS
-    scene, (record,) = with_records(scene_of(stated), [record_of(column)])
-    (finding,) = record.findings
-    assert (finding.code, finding.severity) == ("drive_speed_disagrees", "warning")
-    assert words in finding.message and "correct drive_speed" in finding.message
-    assert with_records(scene, [record])[1][0].findings == (finding,), "it is said once"
-
-
-def test_the_head_of_a_log_is_quoted_against_another_speed_and_in_a_draft(tmp_path):
-    scene = Scene.from_toml(CASES / "cetr_true_speed.toml")
-    assert not [f for f in with_records(scene, None)[1][0].findings if f.code == "drive_speed_disagrees"]
-    scene = replace(scene, logs=(replace(scene.logs[0], drive_speed=1e-3),))
-    stated, (record,) = with_records(scene, None)
-    (doubt,) = [f for f in record.findings if f.code == "drive_speed_disagrees"]
-    assert stated.logs[0].drive_speed == 1e-3 and "Velocity = 240" in doubt.message
-    out = tmp_path / "x.toml"
-    assert cli.main(["scene", str(CASES / "cetr_v1_is_the_vertical_carriage.csv"), "--out", str(out)]) == 0
-    assert tomllib.loads(out.read_text())["logs"][0]["drive_speed"] == "TODO mm/s"
-    assert "Velocity = 240 without a unit: 4 mm/s if in mm/min" in out.read_text()
-
-
 @pytest.mark.parametrize("programme", [STEPS, STROKES])
 def test_a_draft_has_the_programme_and_the_stiffness_by_stick(tmp_path, programme):
     record, out = record_of(programme), tmp_path / "x.toml"

@@ -13,7 +13,7 @@ from data_io.quality import Thresholds
 from experiments.study_problem import DEMO, RIG
 from identify.base.errors import FitError, SceneError
 from identify.effects import MAIN
-from identify.logs.log_data import level, smooth
+from identify.logs.log_data import level
 from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
@@ -97,20 +97,6 @@ def test_what_cannot_be_fitted_is_refused_by_name():
         prepare(stepped, stepped.logs[0], _record(), from_scene(stepped))
     with pytest.raises(FitError, match="tare interval"):
         _prepared(_record(), tare=[10.0, 11.0])
-
-
-def test_ripple_is_kept_and_noise_is_not():
-    times = np.linspace(0.0, 4.0, 4001)
-    course = 1.0 - 0.1 * (1 - np.exp(-times)) + 3e-3 * np.sin(2 * np.pi * 7 * times / 4.0)
-    noise = 1e-3 * np.random.default_rng(1).standard_normal(times.size)
-    made = smooth(times, course + noise)
-    force, sd = made.force, made.sd
-    error = force.at(times) - course
-    assert np.sqrt(np.mean(error**2)) < 2.5e-4
-    assert 0.3 < np.sqrt(np.mean(error**2)) / sd < 2.0
-    level = smooth(times, 1.0 + noise)
-    flat, flat_sd = level.force, level.sd
-    assert len(flat.values) <= 9 and flat_sd < 1e-4
 
 
 def _loaded(course: np.ndarray, effects: tuple[str, ...] = MAIN, **log: object):

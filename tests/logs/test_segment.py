@@ -10,7 +10,6 @@ from scipy.signal import find_peaks
 from experiments.study_problem import DEMO, NOISE, RIG
 from experiments.study_problem import SPEEDS as LOGS
 from identify.logs.noise import spikes, uneven, white_noise
-from identify.logs.regime import Known, Regime, classify
 from identify.logs.segment import SLIDING, SLIP, STICK, _turning_points, segment
 from tests.support import oracle
 
@@ -140,14 +139,6 @@ def test_noise_alone_a_ramp_and_a_constant():
         assert (ramp.count, ramp.share(STICK)) == (0, 1.0)
         assert ramp.loading_slope == pytest.approx(1e-3, rel=0.01)
     assert segment(t, np.full(t.size, 0.5)).count == 0
-
-
-def test_wandering_sliding_is_no_stick_slip():
-    rng = np.random.default_rng(2)
-    t = np.arange(100_000) / 1000
-    level = 0.5 + 0.0005 * np.cumsum(rng.standard_normal(t.size))
-    seen = classify(t, level + NOISE * rng.standard_normal(t.size), Known(half_period=HALF_PERIOD))
-    assert seen.regime is Regime.SLIDING and seen.phases.count == 0 and seen.phases.ends_sliding
 
 
 def test_rest_before_the_drive_hold_after_it_drift_and_programme(fast):

@@ -40,22 +40,6 @@ def test_a_log_a_bit_beyond_a_threshold_is_told_and_one_a_bit_within_is_not(name
         assert judge(*make(value)).verdict == verdict
 
 
-def test_what_no_threshold_can_excuse():
-    n = 4000
-    steady = np.full(n, 0.3)
-    alive = steady + 1e-4 * (np.arange(n) % 7)
-    assert told(made(steady), "friction_constant") == "reject"
-    assert told(made(alive), "friction_constant") is None
-    for normal in (np.zeros(n), -np.ones(n)):
-        assert told(made(normal=normal), "no_load") == "reject"
-    assert told(made(normal=np.full(n, 1e-3)), "no_load") is None
-    record, parts = made()
-    for rows, severity in ((1, "reject"), (2, None)):
-        used = np.arange(n) < rows
-        found = {f.severity for f in judge(record, parts, used=used).findings if f.code == "no_rows"}
-        assert found == ({severity} if severity else set())
-
-
 @pytest.mark.parametrize("told", [True, False])
 def test_friction_that_falls_with_its_load_does_not_drift(told):
     time = np.arange(N) / RATE

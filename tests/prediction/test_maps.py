@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from scipy.optimize import brentq
 
 from experiments import brute_force
 from identify.base.errors import SimulationError
 from identify.model.model import assemble
 from identify.prediction.axes import Site, admissible, axis, check_axes, moved
-from identify.prediction.maps import Boundary, line_map, plane, stability_map
+from identify.prediction.maps import line_map, plane, stability_map
 from identify.prediction.predict import solution_set
-from identify.prediction.windows import Border
 from tests.support.maps_case import ALL, DEMO, SITE, SPANS
 
 
@@ -69,32 +65,6 @@ def test_what_makes_no_map_is_refused_in_a_sentence():
             plane(SITE, ("stiffness", "drive_speed"), ranges, points)
     grid = plane(SITE, ("mu_step", "delta_mu_k"), ((0.01, 0.5), (-0.5, -0.1)), (5, 5))
     assert not np.all(grid.admitted) and admissible(SITE.model, SITE.setting)
-
-
-def test_an_outline_through_exact_crossings_is_a_ring():
-    """The polygon misses it by the square of the mesh; through half-way crossings by far more."""
-    side = np.linspace(-1.0, 1.0, 41)
-    made = plane(SITE, ("mu_s", "delta_mu_k"), ((0.45, 1.25), (-0.4, 0.4)), (41, 41))
-    grid = replace(made, x_places=side, y_places=side, admitted=np.ones((41, 41), bool))
-    nodes = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
-    radius, number = np.hypot(*nodes.T), np.arange(41 * 41).reshape(41, 41)
-    inside = (radius < 0.83) & (radius > 0.41)
-    sides = ((number[:, :-1], number[:, 1:]), (number[:-1], number[1:]))
-    pairs = np.concatenate([np.stack([a.ravel(), b.ravel()], axis=1) for a, b in sides])
-    pairs = pairs[inside[pairs[:, 0]] != inside[pairs[:, 1]]]
-    places = []
-    for first, last in nodes[pairs]:
-        edge = 0.83 if max(np.hypot(*first), np.hypot(*last)) > 0.83 else 0.41
-        share = brentq(lambda s, a=first, b=last, r=edge: np.hypot(*(a + s * (b - a))) - r, 0.0, 1.0)
-        places.append(first + share * (last - first))
-    errors, none = [], np.empty(0)
-    for border in (Border(pairs, np.array(places), none, none), Border(np.empty((0, 2), int), none, none, none)):
-        outline = Boundary.of(grid, inside.reshape(41, 41), border)
-        areas = [0.5 * float(p[:, 0] @ np.roll(p[:, 1], -1) - p[:, 1] @ np.roll(p[:, 0], -1)) for p, _ in outline.loops]
-        assert len(areas) == 2 and min(areas) < 0.0 < max(areas)  # the hole runs the other way round
-        assert all(line[0].tolist() == line[-1].tolist() for line in outline.lines())
-        errors.append(abs(sum(areas) / (np.pi * (0.83**2 - 0.41**2)) - 1))
-    assert errors[0] < 2e-3 < errors[1]
 
 
 def test_nodes_of_a_map_are_the_single_answers(speed_and_stiffness):

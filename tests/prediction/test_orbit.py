@@ -94,11 +94,6 @@ def test_without_weakening_and_ageing_the_closed_forms_are_exact():
     assert abs(document["amplitude"]["drop"]["value"] / found["drop"] - 1) > 0.04
 
 
-def test_closed_forms_say_which_effects_they_do_not_know():
-    forms = asked(1e-3, (*MAIN, "skin_compliance"))["closed_forms"]
-    assert forms["ignores"] == ["skin_compliance"] and "does not include skin" in forms["Pi"]["validity"]
-
-
 @pytest.mark.parametrize("speed", [1e-4, 1e-3, 20e-3])
 def test_peak_to_valley_is_what_a_load_cell_would_see(speed):
     model, w = setting_of(speed)

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from data_io import LogError, read_log
+from data_io import read_log
 from data_io.text import is_number
-from data_io.units import UnitError, factor, kind_of, parse_quantity
+from data_io.units import UnitError, kind_of, parse_quantity
 from experiments.hostile_inputs import BOMBS, own_inputs, text
 from experiments.run_hostile_inputs import ended, tried
 
@@ -37,31 +37,11 @@ def timed(work):
     return time.process_time() - begun
 
 
-def test_unit_of_towering_powers_is_refused_at_once():
-    def read():
-        with pytest.raises(LogError, match=r"column 'Fx \[N\*9\^9\^9\]'.*unknown"):
-            read_log(CASES / "unit_bomb.csv")
-
-    factor("mN", "N")  # the units are loaded
-    assert timed(read) < QUICK
-
-
 @pytest.mark.parametrize("unit", [*BOMBS.values(), "N^(9^9)", "(9)^99", "m^(99)^99^99", "N squared**99*9**999"])
 def test_powers_that_grow_are_no_units(unit):
     assert timed(lambda: kind_of(unit)) < QUICK
     with pytest.raises(UnitError):
         parse_quantity(f"1 {unit}", "N")
-
-
-@pytest.mark.parametrize(
-    ("unit", "si", "expected"),
-    [
-        ("cm^2", "m^2", 1e-4), ("mm²", "m^2", 1e-6), ("m^0.5", "m**0.5", 1), ("1/mm^0.5", "m**-0.5", 1000**0.5),
-        ("(mm/s)^2", "m**2/s**2", 1e-6), ("s^-1", "1/s", 1), ("N·s/mm", "kg/s", 1000), ("m^(1/2)", "m**0.5", 1),
-    ],
-)  # fmt: skip
-def test_powers_of_units_are_still_read(unit, si, expected):
-    assert factor(unit, si) == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.parametrize("place", ["TOP", "BELOW", "ROWS", "END"])

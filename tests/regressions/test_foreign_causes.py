@@ -10,8 +10,6 @@ import pytest
 
 from data_io import LogError, Record, read_log
 from data_io.quality import assess
-from identify.cli.inspection import inspection
-from identify.logs.segment import segment
 
 WRITER = textwrap.dedent("""
     import os, sys, h5py, numpy as np
@@ -54,40 +52,6 @@ def test_file_that_is_damaged_still_is(tmp_path):
     (tmp_path / "log.h5").write_bytes((tmp_path / "log.h5").read_bytes()[:700])
     with pytest.raises(LogError, match="damaged"):
         read_log(tmp_path / "log.h5")
-
-
-@pytest.mark.parametrize("lengths", [(5,), (1, 1, 1, 1, 1, 1, 1, 1, 1, 20)])
-def test_values_that_stand_are_told_with_both_causes(lengths):
-    """A logger that is ahead of its sensor holds each value, a link that is lost some of them."""
-    force = np.repeat(0.5 + np.random.default_rng(2).normal(0.0, 0.1, 400), np.resize(lengths, 400))
-    record = Record(np.arange(force.size) / 100.0, np.full(force.size, 3.0), force)
-    (message,) = (f.message for f in assess(record).findings if f.code == "repeated_rows")
-    assert "faster than the sensor" in message and "now and then" in message
-
-
-def spiky(record):
-    return [f for f in inspection("log", record).judgement.findings if "spike" in f.code]
-
-
-def sliding(n=400, rate=50.0, dips=(), depth=-0.05, spikes=()):
-    """Smooth sliding at 2 N with dips of several rows, or single rows far off [N]."""
-    t = np.arange(n) / rate
-    force = 2.0 + np.random.default_rng(4).normal(0.0, 0.002, n)
-    for start, length in dips:
-        force[start : start + length] += depth
-    force[list(spikes)] += 0.5
-    return Record(t, np.full(n, 5.0), force)
-
-
-@pytest.mark.parametrize("depth", [-0.2, 0.2])
-@pytest.mark.parametrize("length", [3, 4, 6])
-def test_dips_with_a_floor_of_their_own_are_no_spikes(length, depth):
-    assert spiky(sliding(dips=[(60, length), (180, length), (300, length)], depth=depth)) == []
-
-
-def test_single_rows_far_off_are_spikes_still():
-    t = sliding(spikes=(60, 150, 240, 330))
-    assert segment(t.time, t.friction_force).spike_count == 4
 
 
 @pytest.mark.parametrize(("stuck", "least", "most"), [(0.0, 0.0, 0.02), (0.2, 0.15, 0.22)])

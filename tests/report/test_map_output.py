@@ -85,29 +85,6 @@ def test_the_command_line_draws_and_stores_maps(tmp_path, capsys):
     assert end["holds"] == "above" and end["value"] == pytest.approx(0.1503, rel=1e-3)
 
 
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        ["--map", "drive_sped"],
-        ["--map", "mass", "D", "a"],
-        ["--map", "mass", "--range", "D=1:2"],
-        ["--map", "mass", "--range", "mass=2 kg:1 kg"],
-        ["--map", "mass", "--range", "mass"],
-        ["--map", "mass", "--points", "1"],
-        ["--points", "0"],
-        ["--map", "mass", "--data", "map.txt"],
-        ["--data", "map.csv"],
-        ["--map", "normal_force", "area"],
-    ],
-)
-def test_a_wrong_map_is_one_sentence(tmp_path, capsys, wrong):
-    scene = tmp_path / "scene.toml"
-    scene.write_text(SCENE, encoding="utf-8")
-    assert main(["stability", "--scene", str(scene), *wrong]) == 2
-    said = capsys.readouterr().err.strip()
-    assert said.startswith("stickslip: ") and "\n" not in said and "Traceback" not in said
-
-
 def test_scripts_map_a_scene_by_names(tmp_path):
     import identify
 

@@ -6,8 +6,8 @@ import pytest
 
 from identify.base.result import CauseResult, LogResult
 from identify.report.report_page import render_page
-from identify.report.report_tables import answer_table, causes_table, parameter_table
-from tests.support.fake_fit import failed, fake_fit, with_verdicts
+from identify.report.report_tables import answer_table, causes_table
+from tests.support.fake_fit import failed, fake_fit
 
 
 def entry(value, unit, interval=None, **more):
@@ -37,15 +37,6 @@ def test_every_entry_of_the_contents_leads_somewhere(fit, converged):
     targets = re.findall(r'href="#([^"]+)"', contents)
     assert len(targets) >= 6 - 2 * (not converged) and len(set(targets)) == len(targets)
     assert all(f'id="{target}"' in page for target in targets) and ("parameters" in targets) == converged
-
-
-def test_the_parameters_are_a_latex_table(fit):
-    text = parameter_table(with_verdicts(fit).typed.parameters).to_latex()
-    rows = [line for line in text.splitlines() if line.endswith(r"\\") and not line.startswith(("parameter", "\\"))]
-    assert len(rows) == 6 and all(row.count("&") == 4 for row in rows)
-    assert rows[0].startswith(r"mu\_s & 0.6200 & 0.6178 to 0.6222 & 1 & ")
-    assert any(r"$\mu$m" in row for row in rows)
-    assert not re.search(r"(?<!\\)[%_](?!\{)", "\n".join(rows)), "nothing that LaTeX takes for something else"
 
 
 def test_possible_causes_of_a_misfit_stand_in_one_unit_a_row():

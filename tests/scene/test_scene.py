@@ -50,20 +50,6 @@ def scene_file(tmp_path):
     return write
 
 
-def test_a_scene_is_printed_on_a_screen():
-    scene = Scene.from_document(
-        {
-            "name": "pair",
-            "effects": ["inertia", "hysteresis_damping"],
-            "rig": {"mass": "0.2 kg", "stiffness": "1470 N/m", "zeta": 0.05, "drive_speed": "1 mm/s"},
-            "parameters": {"mu_s": {"fixed": 0.6}},
-        }
-    )
-    text = repr(scene)
-    assert "rig: mass 0.2\xa0kg, stiffness 1470\xa0N/m, damping 147\xa0N/m" in text and "mu_s fixed" in text
-    assert text.startswith("Scene pair: inertia, hysteresis_damping\n") and len(text.splitlines()) < 10
-
-
 def test_quantities_arrive_in_si(scene_file):
     scene = Scene.from_toml(scene_file(GOOD))
     rig = scene.rig

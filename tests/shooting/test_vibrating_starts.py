@@ -14,7 +14,7 @@ from identify.effects import MAIN
 from identify.logs.log_data import LogData
 from identify.logs.unknowns import from_scene
 from identify.scene import Scene
-from identify.shooting.blocks import AgeingBlock, RestBlock
+from identify.shooting.blocks import AgeingBlock
 from identify.shooting.layout import COARSE_GRID
 from identify.shooting.passes import solve_in_passes
 from identify.shooting.placing import place
@@ -74,16 +74,6 @@ def test_a_fit_from_slips_placed_without_the_vibration_ends_at_the_noise():
 def _problem():
     unknowns, log, *_ = _case()
     return shooting_problem([log], [_placed()], unknowns, COARSE_GRID)
-
-
-def test_a_rest_of_many_blocks_goes_through_the_re_ageing_once():
-    problem = _problem()
-    kinds = {family.block.kind: family for family in problem.layout.families}
-    arrests = _placed().ending("wear").size
-    assert kinds[AgeingBlock()].slots.shape[0] == arrests
-    assert kinds[RestBlock()].slots.shape[0] > 10 * arrests
-    rows = problem.evaluate(problem.start, derivatives=False).rows
-    assert np.max(np.abs(rows[kinds[AgeingBlock()].rows])) < 1e-9
 
 
 def test_derivatives_of_a_vibrating_problem_agree_with_central_differences():

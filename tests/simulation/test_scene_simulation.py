@@ -4,14 +4,11 @@ import numpy as np
 import pytest
 
 from identify import simulate
-from identify.base.errors import SceneError
 from identify.effects import ALL, MAIN, NAMES
 from identify.scene import Scene
 from identify.simulation.drive import NormalForce
 
 RIG = {"mass": 0.2, "stiffness": 1470.0, "damping": 147.0, "drive_speed": 0.002, "normal_force": 1.0}
-LAWS = ("velocity_weakening", "linear_weakening", "power_law")
-INERTIAL = [effect.name for effect in ALL if effect.name != "inertia"]
 
 
 def scene_of(effects, **tables):
@@ -24,15 +21,6 @@ def beside_the_others(name):
     effect = next(e for e in ALL if e.name == name)
     rivals = [e.name for e in ALL if e.role and e.role == effect.role]
     return tuple(n for n in NAMES if n == name or (n in (*MAIN, *effect.needs) and n not in rivals))
-
-
-@pytest.mark.parametrize("name", INERTIAL)
-def test_every_effect_is_simulated(name):
-    scene = scene_of(beside_the_others(name))
-    motion = simulate(scene, 1.0)
-    samples = motion.sample(np.linspace(0.0, 1.0, 500))
-    assert all(np.all(np.isfinite(values)) for values in samples.values())
-    assert motion.onsets.size >= 2 and np.max(samples["force"]) < 3.0
 
 
 @pytest.mark.parametrize("name", ["skin_compliance", "sensor_lag", "force_sensor", "excitation"])
@@ -77,16 +65,3 @@ def test_the_mean_of_a_course_is_exact():
     fine = np.linspace(0.5, 3.7, 200_001)
     assert force.mean(0.5, 3.7) == pytest.approx(np.trapezoid(force.at(fine), fine) / 3.2, rel=1e-9)
     assert force.mean(-1.0, 0.0) == 1.0 and NormalForce.of(0.7).mean(0.0, 3.0) == 0.7
-
-
-def test_laws_keep_to_their_measured_range_in_a_simulation():
-    scene = scene_of(("inertia", "power_law"))
-    with pytest.raises(SceneError, match="power_law was measured"):
-        simulate(scene, 1.0, drive=1e-5)
-    with pytest.raises(SceneError, match="power_law was measured"):
-        simulate(scene, 1.0, drive=((0.0, 5e-3), (0.5, 1e-5)))
-    free = scene_of(("inertia", "power_law"), extrapolate=["power_law"])
-    assert simulate(free, 0.1, drive=1e-5).duration == 0.1
-    heavy = scene_of(("inertia", "load_dependence", "varying_normal_force"))
-    with pytest.raises(SceneError, match="load_dependence was measured"):
-        simulate(heavy, 1.0, normal_force=([0.0, 1.0], [1.0, 80.0]))

@@ -9,7 +9,6 @@ from experiments.study_problem import DEMO, RIG
 from identify.base.errors import SimulationError
 from identify.effects import MAIN
 from identify.model.model import assemble
-from identify.simulation.drive import Drive
 from identify.simulation.plan import Stepping
 from identify.simulation.simulate import run
 from identify.simulation.trajectory import Trajectory
@@ -79,49 +78,10 @@ def test_stick_is_the_closed_form() -> None:
     assert states["gamma"] == pytest.approx(-np.expm1(-np.array([0.1, 0.2]) / 0.5), rel=1e-14)
 
 
-def test_lift_off_and_empty_durations_are_refused_by_name() -> None:
-    with pytest.raises(SimulationError, match="lift-off"):
-        run(MODEL, PAIR, 1e-3, ((0.0, 1.0), (1.0, -0.1)), 2.0)
-    with pytest.raises(SimulationError, match="positive time"):
-        run(MODEL, PAIR, 1e-3, 1.0, 0.0)
-    with pytest.raises(SimulationError, match="begin it with"):
-        run(MODEL, PAIR, ((1.0, 1e-3),), 1.0, 2.0)
-
-
 def test_a_drive_at_rest_never_moves_the_mass() -> None:
     trajectory = run(MODEL, PAIR, 0.0, 1.0, 100.0)
     assert trajectory.onsets.size == 0
     assert np.all(trajectory.sample([1.0, 50.0])["force"] == 0.0)
-
-
-@pytest.mark.parametrize("names", [("inertia",), ("inertia", "velocity_weakening"), ("inertia", "contact_ageing")])
-def test_smaller_models_run_with_fewer_states(names: tuple[str, ...]) -> None:
-    model = assemble(names)
-    assert len(model.states) == (3 if "contact_ageing" in names else 2)
-    assert model.slip.n_instructions() < MODEL.slip.n_instructions()
-    trajectory = run(model, {n: PAIR[n] for n in model.parameter_names}, 1e-3, 1.0, 2.0)
-    assert trajectory.onsets.size >= 3
-
-
-def test_a_plain_oscillator_slips_as_the_closed_form_says() -> None:
-    """Without ageing, weakening and damping: onset at mu_s F_n/k, drop 2 (mu_s - mu_k0) F_n (alpha = 0)."""
-    model = assemble(("inertia",))
-    values = {n: PAIR[n] for n in model.parameter_names}
-    trajectory = run(model, values, 1e-3, 1.0, 2.0, accuracy=Stepping(1e-12))
-    force = trajectory.sample([trajectory.onsets[0], trajectory.arrests[0]])["force"]
-    omega, k = np.sqrt(1470.0 / 0.2), 1470.0
-    overshoot = 0.19 / (1e-3 / omega * k)
-    assert trajectory.onsets[0] == pytest.approx(0.62 / (k * 1e-3), rel=1e-13)
-    assert force[0] - force[1] == pytest.approx(2 * 0.19, rel=1e-9)
-    slip = (trajectory.arrests[0] - trajectory.onsets[0]) * omega
-    assert slip == pytest.approx(2 * np.pi - 2 * np.arctan(overshoot), rel=1e-9)
-
-
-def test_a_drive_within_a_window_begins_with_what_holds_there() -> None:
-    drive = Drive.of(((0.0, 1e-3), (2.0, 0.0), (3.0, -2e-3)))
-    assert drive.changes(2.0, 3.5) == [3.0]  # the ends do not count
-    assert drive.within(2.0, 3.5) == [(2.0, 0.0), (3.0, -2e-3)]
-    assert drive.within(-1.0, 2.5)[0] == (-1.0, 1e-3)
 
 
 def test_without_inertia_nothing_is_simulated() -> None:

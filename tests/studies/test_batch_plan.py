@@ -1,17 +1,13 @@
 """What a batch is made of: manifests, folders, groups, overrides, and every complaint at once."""
 
-import csv
-import io
 from pathlib import Path
 
 import pytest
 
 from experiments.batch_trials import SCENE, write_case
-from identify.base.table import LINE, harmless, visible
 from identify.scene import Scene
-from identify.studies.batch_store import FAILED, LONGEST, BatchError, End, Job, content_key, folder_names, numerics
-from identify.studies.planning import BatchPlan, plan
-from identify.studies.running import index_csv
+from identify.studies.batch_store import LONGEST, BatchError, Job, content_key, folder_names, numerics
+from identify.studies.planning import plan
 
 GOOD = "path,group,drive_speed\na.csv,G,1 mm/s\n"
 WITH_X = "path,drive_speed,x\na.csv,1 mm/s,"
@@ -152,21 +148,6 @@ def test_hostile_groups_get_harmless_folders(tmp_path):
         assert len(name.encode()) < 200 and name.isprintable() and Path(name).name == name
     assert len(list(tmp_path.iterdir())) == len(HOSTILE)
     assert folder_names(["Pad 3 (left)", "G1"]) == {"Pad 3 (left)": "Pad 3 (left)", "G1": "G1"}
-
-
-def test_hostile_texts_are_harmless_in_the_index():
-    jobs = tuple(
-        Job(group, f"f{i}", "k", "n", {}, (), {"note": group, "group": "=1+1"}, 0) for i, group in enumerate(HOSTILE)
-    )
-    planned = BatchPlan(Path("m.csv"), Path("s.toml"), (), "n", jobs, ("note",))
-    text = index_csv(planned, {HOSTILE[0]: End(FAILED, "=1+1\nmore")})
-    rows = list(csv.reader(io.StringIO(text)))
-    assert rows[0] == ["group", "status", "message", "result", "folder", "logs", "note", "label: group", "seconds"]
-    assert len(rows) == len(HOSTILE) + 1 == len(text.splitlines()) and rows[1][2] == "'=1+1 more"
-    for row, group in zip(rows[1:], HOSTILE, strict=True):
-        assert not any(cell.startswith(("=", "+", "-", "@")) for cell in row)
-        assert row[0].lstrip("'").rstrip() == visible(group, LINE)
-    assert harmless("-0.1 °C") == "'-0.1 °C" and harmless("plain") == "plain" and harmless(" =1") == "'=1"
 
 
 def test_the_key_depends_on_what_the_numbers_depend_on(case):

@@ -249,15 +249,6 @@ def test_the_effect_asks_for_the_uneven_estimator_at_once_and_its_report_says_so
 
 
 @pytest.mark.slow
-def test_records_that_share_nothing_are_told_apart(maxima):
-    records, found = [sticks for sticks, _ in maxima[:2]], [maximum for _, maximum in maxima[:2]]
-    assert agreement(maximise(records), found) > APART
-    stronger = replace(records[1], line=1.3 * records[1].line, arrest=1.3 * records[1].arrest)
-    other = [records[0], replace(stronger, force=1.3 * records[1].force, above=1.3 * records[1].above)]
-    assert agreement(maximise(other), [found[0], maximise(other[1:])]) < APART
-
-
-@pytest.mark.slow
 def test_records_of_two_speeds_and_loads_share_strength_and_mass(tracks, maxima):
     """Twice as fast, rests are a third as long and sticks half as strong; twice the load, the mass is the same."""
     fast = replace(STIFF, drive_speed=2.0 * STIFF.drive_speed, load=2.0 * STIFF.load, stiffness=2.0 * STIFF.stiffness)
@@ -290,9 +281,7 @@ def test_records_without_resolved_slips_or_with_too_few_are_refused(tracks, rate
     assert result["status"] == "no_cycles" and sentence in result["message"]
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Time limits.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 def test_a_limit_is_kept_and_what_it_left_out_is_named(tracks):
