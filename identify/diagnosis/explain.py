@@ -307,9 +307,7 @@ def _set_free(ended: Fitted, score: Score, i: int) -> Attempt:
     return other if found is None or other.excess < found.excess else found
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # How it is said.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 def _caused(findings: Findings, scene: Scene, causes: Sequence[_Cause], *, fits: bool) -> Findings:

@@ -65,9 +65,7 @@ def usable(prepared: Sequence[Prepared]) -> list[int]:
     return [i for i, log in enumerate(prepared) if log.left_out is None]
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Solving: from a start, from the motion simulated at the answer, and by way of the beginnings of a programme.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 def solve_from(
@@ -180,9 +178,7 @@ def _simulated(prepared: list[Prepared], attempt: Attempt, unknowns: Unknowns) -
     return out if changed else None
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Placing a start on the data.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 def place_on(prepared: list[Prepared], chosen: list[int], unknowns: Unknowns) -> list[PlacedLog]:

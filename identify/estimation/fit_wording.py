@@ -166,9 +166,7 @@ def slides_only(logs: Sequence[Prepared], trajectories: Sequence[ShootingTraject
     return f"these logs slide without a stick that ends: {level}; the classical table has the coefficients"
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # What these logs cannot determine, and what test would: in lab words, from their own figures.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 def hints(

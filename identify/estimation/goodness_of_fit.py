@@ -213,10 +213,8 @@ def _chi_square(
     )
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Scan: sums of neighbouring residuals over windows of all lengths. A wrong answer can keep the sum of squares of a long
 # cycle within its noise and still miss a slip altogether. Noise cancels in sums, a misfit does not.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -290,10 +288,8 @@ def _swings(solved: Solved, names: Sequence[str]) -> str:
     return ""
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Random effects: the normal force of a cycle with the error of its measurement, the strength of a stick with the
 # scatter of all. The misfit of the samples does not see what a wrong answer makes these take up.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 def _load_pulls(solved: Solved, names: Sequence[str]) -> str:
@@ -359,10 +355,8 @@ def stick_scatter(solved: Solved) -> float | None:
     return sd / strength if strength > 0.0 else None
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Inequalities of the mode sequence. The rows of the shooting problem hold what is equal: continuity, guards. What must
 # be greater or smaller is checked here: a mass that arrests stays at rest, and slips go forward.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 def inconsistency(

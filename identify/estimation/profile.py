@@ -134,9 +134,7 @@ def profile(
     return Profiles(ends, curves, lower if gain > BETTER else None, gain)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # One side of a profile.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 def _side(
@@ -207,9 +205,7 @@ def _side(
     return Side(None, True), path[1:]
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # The points of a profile: continuation of the optimality conditions in the fixed parameter.
-# ----------------------------------------------------------------------------------------------------------------------
 
 REASSIGNED = 5.0  # standard errors of the first correction at most, where samples are assigned again
 CONVERGED = 0.02  # standard errors of the last step of Newton's method

@@ -120,13 +120,11 @@ def autocorrelated_covariance(moves: Sequence[Array], variances: Array, noise: S
     return total
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Autocorrelated noise told apart from a misfit. Lines through sticks take out what is slow, and the shorter the sticks,
 # the more of the noise: its variance about them is no measure of it. What the autoregression leaves of a sample, its
 # innovation, is white, and lines through the innovations of the sticks, which know no curve, show its whole variance.
 # What a model gets wrong in slips makes innovations larger there. What it gets wrong slowly comes back in every cycle
 # at the same place: the mean cycle of noise falls with the number of cycles, that of a misfit does not.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 def innovations(data: LogData, trajectory: ShootingTrajectory, residual: Array) -> Array | None:

@@ -206,9 +206,7 @@ def _group_by_group(problem: SearchProblem) -> tuple[Attempt | None, dict[int, s
     return None if joint is None else (joint, left_out)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Which attempt is an answer, and the better of two.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 def _fits(attempt: Attempt | None) -> TypeGuard[Attempt]:

@@ -154,9 +154,7 @@ def _crossing(
     return time, state
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Rests, and what the load cell shows.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 @lru_cache(maxsize=16)
@@ -181,9 +179,7 @@ def at_force(model: Model, force: Array, p: Array, u: Array) -> Array:
     return _functions(model)[1]([force, p, u])[0]
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # The force of one simulated cycle as a function of time: stick line, slip, stick line.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 def middle_of_fall(force: Array, h: Array, duration: Array) -> Array:

@@ -174,9 +174,7 @@ def kept_parameters(layout: Layout) -> Indices:
     return np.concatenate([np.arange(layout.free.size), own[own >= layout.free.size]]).astype(np.int64)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # From motions to a layout.
-# ----------------------------------------------------------------------------------------------------------------------
 
 BOUNDED_START_SD = 0.5  # of a state with bounds, such as a saturation, where a record begins: about half way
 CONSTANT = np.array([[float(KNOWN)], [0.0]])  # an event time or a load that is known

@@ -38,9 +38,7 @@ from identify.simulation.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-# ----------------------------------------------------------------------------------------------------------------------
 # A model under the drive and the load of a log: its forces, steady states, rests and motions.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 @lru_cache(maxsize=32)
@@ -129,9 +127,7 @@ class LogContext:
         return np.flatnonzero(self.log.weight[first:last] > 0) + first
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # How a record begins: the elongation from its first samples, the contact aged so that the first slip lies on the data.
-# ----------------------------------------------------------------------------------------------------------------------
 
 FIRST_SWINGS = 8.0  # half periods about the first peak that are compared
 
@@ -200,9 +196,7 @@ def first_state(context: LogContext) -> Array:
     return states[int(np.argmin(np.abs(onsets - peak)))]
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # A train of cycles: every cycle simulated, and shifted onto its fall.
-# ----------------------------------------------------------------------------------------------------------------------
 
 SWEEPS = (4, 30)  # how often arrests are handed on, at least and at most: the return map contracts
 PER_HALF_PERIOD = 60  # RK4 steps of a placed slip per half natural period
@@ -370,9 +364,7 @@ def _trajectory(
     return ShootingTrajectory.of(start, stretches, log.own)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Where on the data a rest ends.
-# ----------------------------------------------------------------------------------------------------------------------
 
 REACH = 4.0  # half periods by which an onset is moved around where it is expected, or the force falls
 BY_CHANCE = 12.0  # squared deviations by which noise makes one of some hundred places the best
@@ -433,9 +425,7 @@ def onset_on_data(context: LogContext, since: float, onset: float, x: Array, spr
     return best if lowest < least else onset
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # The motion, stretch by stretch.
-# ----------------------------------------------------------------------------------------------------------------------
 
 BRIEF = 0.05  # of half a period: a contact that re-ages for so short before it rests does so in closed form
 CHUNK = 6.0  # half periods that are simulated at a time

@@ -138,10 +138,8 @@ def compressed(family: Family, logs: Sequence[LogData], reference: Array, portio
     return replace(about_line, reference=reference, **moved)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Where the nonzeros are: from the dense derivatives of the blocks to sparse matrices. It depends on which unknowns and
 # rows each block meets, not on steps, samples or values: problems that differ in nothing else share it.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -232,9 +230,7 @@ class Pattern:
         )
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Objective and rows with their derivatives.
-# ----------------------------------------------------------------------------------------------------------------------
 
 BLOCKS_AT_ONCE = 1024  # blocks worked on at once: few enough for all their derivatives to stay in cache
 

@@ -64,10 +64,8 @@ def _inside(unknowns: Unknowns, theta: Array) -> Array:
     return np.where(unknowns.free, np.clip(finite, unknowns.lower, unknowns.upper), unknowns.start)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Drift-free features of a log: what one settled cycle of it looks like. The period, and the mean waveform folded around
 # the fall, every cycle shifted onto the mean by its own samples: drifting levels and loads leave them alone.
-# ----------------------------------------------------------------------------------------------------------------------
 
 BINS = 40  # per half natural period
 BEFORE, AFTER = 2.5, 2.0  # half periods around the middle of the fall

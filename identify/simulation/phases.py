@@ -33,9 +33,7 @@ from identify.simulation.steppers import Method
 
 Array = NDArray[np.float64]
 
-# ----------------------------------------------------------------------------------------------------------------------
 # A phase of motion as it stands in a trajectory.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -76,12 +74,10 @@ class Slide(Phase):
     tolerances: Array
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # How long a resting mass stays at rest: the first time at which the drive overcomes the static limit.
 #
 # Where the breakaway margin (static limit minus force of the drive) is concave in time, as it is for a steady drive and
 # a contact that saturates, it has one zero at most; anything else is scanned (`first_zero`).
-# ----------------------------------------------------------------------------------------------------------------------
 
 _SHARES = np.geomspace(1e-9, 1.0, 24)  # of the longest rest: where its curvature is looked at
 
@@ -231,9 +227,7 @@ def sticks(model: Model, x: Array, p: Array, u: Array, forward: bool = False) ->
     return np.where(held, np.nan, t), row[:, 3:], row[:, 2]
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # What moves a scene: its rests, and the steps of the method that is at work.
-# ----------------------------------------------------------------------------------------------------------------------
 
 MAX_STEPS = 200_000  # of one sliding phase: a bound, so that no scene runs for ever
 FIRST = 1e-3  # of the natural time: the very first step
@@ -381,9 +375,7 @@ class Machine:
             )
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Phase after phase.
-# ----------------------------------------------------------------------------------------------------------------------
 
 MAX_PHASES = 2_000_000
 

@@ -13,9 +13,7 @@ from identify.model.model import ELONGATION, SPEED, Model
 from identify.simulation.sliding import linearised
 from identify.simulation.steppers import HIGH, STIFF, Method
 
-# ----------------------------------------------------------------------------------------------------------------------
 # What a simulation is asked must make sense: checked once, before anything moves.
-# ----------------------------------------------------------------------------------------------------------------------
 
 Array = NDArray[np.float64]
 
@@ -49,9 +47,7 @@ def admit(model: Model, values: Mapping[str, float], duration: float) -> None:
         )
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Typical sizes of a scene: they set first steps and absolute tolerances.
-# ----------------------------------------------------------------------------------------------------------------------
 
 SPEEDS = (1e-3, 1e-1)  # of the speed at which one normal force stops the mass: where decays are looked at
 

@@ -163,11 +163,9 @@ def simulate(
     return run(model, values, programme, load, duration, start=start, accuracy=accuracy)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # What a simulation costs: processor seconds at other accuracies, and what each effect takes; measured. The motion, or
 # its first cycles where it is long, is simulated again at each accuracy and without each effect; what is measured on a
 # part grows with the number of phases.
-# ----------------------------------------------------------------------------------------------------------------------
 
 FINEST, COARSEST = 1e-12, 0.1
 CYCLES = 20  # of the part of a longer one

@@ -26,9 +26,7 @@ Array = NDArray[np.float64]
 N_GUARDS = len(GUARDS)
 ROUNDING = 1e-15  # of the forces: a few last digits
 
-# ----------------------------------------------------------------------------------------------------------------------
 # What stays the same during one phase of motion.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -69,9 +67,7 @@ def symbols(model: Model) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX, ca.SX]:
     return x, c, t, c[:-5], inputs(c[-5:], t)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # One trial step of a model: the state after it, its error, and the event functions of its mode.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 @lru_cache(maxsize=64)
@@ -163,9 +159,7 @@ def coefficient(model: Model, mode: ModeName) -> ca.Function:
     return ca.Function("coefficient", [x, c, t], [ca.densify(u[2] * (_load(model)(x, c, t) - inertia) / u[1])])
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Many trials in one call.
-# ----------------------------------------------------------------------------------------------------------------------
 
 MODES: tuple[ModeName, ...] = ("slip", "renewed")  # numbered so in a burst
 SHORTEST = 1e-14  # of the natural time: a step shorter than that is no step
@@ -343,9 +337,7 @@ def _locating(control: ca.SX, h: ca.SX, ends: ca.SX, exits: list[int], rtol: ca.
     return done, following, control[1], control[2], low, high, near, 0, Stop.LOCATED * done
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Steps of one scene with one method: the compiled trials and bursts with their buffers.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 class Stepper:

@@ -66,9 +66,7 @@ def largest(error: ca.SX, tolerated: ca.SX) -> ca.SX:
     return ca.mmax(ca.fabs(error) / tolerated)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Radau IIA collocation with three stages: implicit, order 5, stiffly accurate, for motions with fast decays.
-# ----------------------------------------------------------------------------------------------------------------------
 
 # Hairer and Wanner, Solving Ordinary Differential Equations II (2nd ed., 1996), section IV.8.
 S6 = 6**0.5
@@ -161,9 +159,7 @@ class Radau(Method):
         return z, move, real_inverse
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Explicit Runge-Kutta methods: any tableau with an embedded formula.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -194,9 +190,7 @@ class Explicit(Method):
         return after, norm
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # The integration methods that a plan chooses among; those it is compared with stand in `experiments`.
-# ----------------------------------------------------------------------------------------------------------------------
 
 HIGH = Explicit.of(tableaus.DOP853)  # Hairer, Norsett and Wanner I, II.10
 STIFF = Radau()

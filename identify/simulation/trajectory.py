@@ -25,9 +25,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-# ----------------------------------------------------------------------------------------------------------------------
 # What a load cell shows that averages: the mean of its force over the last moments, exact on smooth pieces.
-# ----------------------------------------------------------------------------------------------------------------------
 
 Array = NDArray[np.float64]
 
@@ -52,9 +50,7 @@ def averaged(force: Callable[[Array], Array], edges: Array, times: Array, span: 
     return np.where(length > 0.0, mean, force(times))
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # The motion at any times: rests in closed form, slips inside the steps they were taken by, many in one call.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 def inside(model: Model, phases: Sequence[Phase], which: NDArray[np.intp], local: Array) -> dict[str, Array]:

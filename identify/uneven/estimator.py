@@ -284,9 +284,7 @@ def _covariance(objective: Objective, theta: Array) -> tuple[Array, float]:
     return inverse * np.outer(scale, scale), value - objective.prior.logarithm(theta)[0]
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Several records of one slider.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
