@@ -222,7 +222,6 @@ def verdict_of(value: float, low: float | None, high: float | None, size: float,
     return "weak" if within else "not identifiable"
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # What the usual errors of a rig and its sensors add to intervals that take both as exact.
 #
 # Every such error is a direction in the space of all parameters, the rig's among them, so that the information at the
@@ -231,7 +230,6 @@ def verdict_of(value: float, low: float | None, high: float | None, size: float,
 # unit of force with the normal force kept; one of the normal force's gain divides the coefficients; one of the friction
 # force's zero shifts both coefficients alike. Each error is estimated along with the parameters, its tolerance as its
 # prior: what the data contradict is not believed.
-# ----------------------------------------------------------------------------------------------------------------------
 
 COEFFICIENTS = ("mu_s", "mu_k0", "delta_mu_k", "slope", "direct_strength")  # the friction force is linear in them
 LEVELS = ("mu_s", "mu_k0")  # a zero of the friction force is a level of both

@@ -234,13 +234,11 @@ def contradiction(attempt: Attempt, unknowns: Unknowns, base: Array, noise: Sequ
     return ""
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Parametric bootstrap: the fit repeated on logs drawn from its answer.
 #
 # A replicate is the fitted curve with new noise of the variance and autocorrelation of the residuals, and priors about
 # means that are drawn as wide as they are; it is solved again from the answer (Efron and Tibshirani, An Introduction to
 # the Bootstrap, 1993, section 6.5). Intervals are percentiles of the replicates.
-# ----------------------------------------------------------------------------------------------------------------------
 
 FEWEST = 40  # replicates from which on an interval is given
 

@@ -20,12 +20,10 @@ from identify.shooting.shooting_trajectory import ShootingTrajectory
 
 Array = NDArray[np.float64]
 
-# ----------------------------------------------------------------------------------------------------------------------
 # The samples of a log, compressed exactly: what a fit needs of them whatever the curve.
 #
 # In each cell the model's curve is a polynomial in reference time, so sums of powers of the sample times and of the
 # residuals against one curve are all that is needed. The cost of an evaluation does not depend on the sampling rate.
-# ----------------------------------------------------------------------------------------------------------------------
 
 PORTION = 1 << 15  # samples worked on at once, about: few enough to stay in cache
 LINE = 2  # coefficients of a line

@@ -167,13 +167,11 @@ def _fold(log: LogData, slip_times: Array, edges: Array) -> tuple[Array, Array, 
     return log.time[index] - slip_times[cycle], force, log.weight[index], cycle
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # The start of a fit from the data alone: many small least-squares fits of one settled cycle per log.
 #
 # Unknowns of each: the search variables, and per log the arrest force and a time shift. One cycle is simulated from the
 # arrest force; that it ends at the same force is one more residual, so no limit cycle is iterated. Levenberg-Marquardt
 # runs for all starts at once; all their perturbations are rows of one batch.
-# ----------------------------------------------------------------------------------------------------------------------
 
 PER_HALF_PERIOD = 24  # steps of a slip in the start fit
 GOOD = 1.0  # cost per residual of a start that is right
