@@ -106,9 +106,7 @@ class ShootingTrajectory:
         """The states (k, n_x) in which some stretches (k,) end."""
         return self.nodes[self.first[1:][which] - 1]
 
-    # ------------------------------------------------------------------------------------------------------------------
     # Parts of the record that are judged one by one, with a normal force each: a rest begins a new one.
-    # ------------------------------------------------------------------------------------------------------------------
 
     @cached_property
     def part(self) -> list[int]:
@@ -144,9 +142,7 @@ class ShootingTrajectory:
         out[self.slip_parts[: own.size]] = own
         return out
 
-    # ------------------------------------------------------------------------------------------------------------------
     # Sticks and slips.
-    # ------------------------------------------------------------------------------------------------------------------
 
     @property
     def slips(self) -> Array:
