@@ -77,7 +77,7 @@ def machine_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Pa
 @pytest.fixture(scope="module")
 def shared_machine_code(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """Functions of the uneven estimator are compiled once for all workers, as those of a user are, while they are used:
-    digit for digit the numbers are those of the virtual machine (tests/base/test_wide.py), in a fifth of the time."""
+    digit for digit the numbers are those of the virtual machine, in a fifth of the time."""
     base = tmp_path_factory.getbasetemp()
     place = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
     known = (native.compiler, native.folder, native._toolchain, slip_functions)

@@ -37,6 +37,7 @@ def test_no_start_moves_what_a_scene_fixes(records, effect):
     plain = {"effects": sorted(set(_composed(effect))), "rig": dict(RIG), "logs": entries}
     if effect.name == "power_law":
         plain["extrapolate"] = [effect.name]
+    logs = []
     for parameter in effect.parameters:
         name = parameter.name
         if name in RIG:
@@ -45,13 +46,14 @@ def test_no_start_moves_what_a_scene_fixes(records, effect):
         value = float(np.clip(1.07 * usual, parameter.lower, parameter.upper))
         scene = Scene.from_document(plain | {"parameters": {name: {"fixed": value}}}, Path())
         unknowns = from_scene(scene)
-        logs = [prepare(scene, entry, record, unknowns) for entry, record in zip(scene.logs, measured, strict=True)]
-        logs, unknowns = tuned(logs, unknowns)
+        pairs = zip(scene.logs, measured, strict=True)
+        logs = logs or [prepare(scene, entry, record, unknowns) for entry, record in pairs]  # whatever is fixed
+        tuned_logs, unknowns = tuned(logs, unknowns)
         i = unknowns.names.index(name)
         assert not unknowns.free[i]
-        starts = list(islice(starts_of(logs, unknowns), 2))
+        starts = list(islice(starts_of(tuned_logs, unknowns), 2))
         assert starts
         for theta in (unknowns.start, *starts):
-            for log in logs:
+            for log in tuned_logs:
                 told = unknowns.values(log.data.theta(theta), log.data.base)[i]
                 assert told == pytest.approx(value, rel=1e-12), name
