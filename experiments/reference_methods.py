@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from scipy.integrate import RK23, RK45
 
-from identify.base.tableaus import Tableau
-from identify.simulation.steppers import HIGH, STIFF, Explicit, Method
+from identify.simulation.steppers import HIGH, STIFF, Explicit, Method, Tableau
 
 
 def _of_scipy(formula: type[RK23] | type[RK45], name: str) -> Tableau:

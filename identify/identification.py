@@ -23,9 +23,8 @@ from identify.base.budget import now, seconds_left, stage, timing_stages
 from identify.base.budget import time_limit as within
 from identify.base.errors import FitError
 from identify.base.linear import keep_freed_memory
-from identify.base.outcome import LogCurves, Status
 from identify.base.progress import Notice, Progress, noticed_once, to_nobody
-from identify.base.result import SearchTrial
+from identify.base.result import LogCurves, SearchTrial, Status
 from identify.base.wording import distinct
 from identify.diagnosis.explain import MISFITS, explain, sensor_elsewhere, takes_misfit
 from identify.diagnosis.findings import Findings, against_data

@@ -20,7 +20,7 @@ from identify.effects import ALL, MAIN
 from identify.effects.quantities import Effect
 from identify.report.report_wording import plain_symbol
 from identify.scene import Scene
-from identify.scene.parameters import declared_by
+from identify.scene.parts import declared_by
 from identify.scene.toml import parsed, question_bare_numbers
 
 LONGEST = 1_000_000  # characters of a scene file

@@ -16,9 +16,8 @@ from identify.base.compiled import keep
 from identify.base.result import Result
 from identify.base.wording import columns, wrapped
 from identify.base.wording import quantity as shown
-from identify.cli.arguments import file_to_write, log_options, positive
+from identify.cli.arguments import file_to_write, log_options, positive, result_folder
 from identify.cli.common import Answer, CommandLineError, Terminal
-from identify.cli.folder import result_folder
 from identify.diagnosis.selection import LOOKED_AT
 from identify.estimation.influence import FEWEST
 from identify.estimation.preview import preview

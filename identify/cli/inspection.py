@@ -316,7 +316,7 @@ def draw(logs: Sequence[Inspection], path: Path) -> list[Path]:
     """Force with its slips and load over time, whole and a few cycles closer; of several logs each in a file of its own
     with its number behind the name."""
     from data_io.atomic import atomic_path
-    from identify.base.outcome import LogCurves
+    from identify.base.result import LogCurves
     from identify.report.figures import draw_force
     from identify.report.style import drawing_style
 

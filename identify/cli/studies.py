@@ -8,14 +8,12 @@ from pathlib import Path
 
 from identify.base.table import visible
 from identify.base.wording import wrapped
-from identify.cli.arguments import positive
+from identify.cli.arguments import COMPARISON, check_replaceable, positive, result_folder
 from identify.cli.common import Answer, CommandLineError, Exit, Terminal
-from identify.cli.folder import COMPARISON, check_replaceable, result_folder
 from identify.cli.interrupt import ends_by_itself
 from identify.studies.batch_store import BatchError
 from identify.studies.compare import ComparisonQuestion, compare, read_fits
-from identify.studies.comparison_page import document, write_batch_report, write_comparison
-from identify.studies.comparison_tables import comparison_tables, together
+from identify.studies.comparison_page import comparison_tables, document, together, write_batch_report, write_comparison
 from identify.studies.planning import plan
 from identify.studies.running import check_place, in_words, run_batch
 from identify.studies.workers import ClusterWorkers, LocalWorkers, Workers, cores

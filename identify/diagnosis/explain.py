@@ -18,9 +18,8 @@ from data_io import Record
 from identify.base.budget import now, seconds_left
 from identify.base.budget import time_limit as within
 from identify.base.errors import FitError, SceneError
-from identify.base.outcome import Status
 from identify.base.progress import Progress
-from identify.base.result import CauseResult, SearchTrial
+from identify.base.result import CauseResult, SearchTrial, Status
 from identify.base.wording import START_VALUES
 from identify.diagnosis.findings import Findings
 from identify.diagnosis.fitted import Fitted, fit_beside, fit_model

@@ -8,8 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.outcome import Status
-from identify.base.result import CauseResult, HeldResult
+from identify.base.result import CauseResult, HeldResult, Status
 from identify.diagnosis.quantities import held_quantities
 from identify.diagnosis.score_test import score_table
 from identify.estimation.attempt import Attempt

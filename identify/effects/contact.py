@@ -10,8 +10,17 @@ import casadi as ca
 import numpy as np
 
 from identify.base.wording import three_figures
-from identify.effects.quantities import Effect, Expression, Importance, Parameter, Situation, State, Terms
-from identify.effects.typical import fall, stick_time
+from identify.effects.quantities import (
+    Effect,
+    Expression,
+    Importance,
+    Parameter,
+    Situation,
+    State,
+    Terms,
+    fall,
+    stick_time,
+)
 
 
 class ContactAgeing(Effect):

@@ -8,8 +8,18 @@ import casadi as ca
 import numpy as np
 
 from identify.base.wording import three_figures
-from identify.effects.quantities import Effect, Importance, Parameter, Series, Situation, State, Terms
-from identify.effects.typical import lost_per_period, slip_time, stick_time
+from identify.effects.quantities import (
+    Effect,
+    Importance,
+    Parameter,
+    Series,
+    Situation,
+    State,
+    Terms,
+    lost_per_period,
+    slip_time,
+    stick_time,
+)
 
 
 class Inertia(Effect):

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from identify.effects.quantities import Effect, Importance, Lag, Parameter, Situation, State, Terms
-from identify.effects.typical import fall, slip_time
+from identify.effects.quantities import Effect, Importance, Lag, Parameter, Situation, State, Terms, fall, slip_time
 
 
 class ForceSensor(Effect):

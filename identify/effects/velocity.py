@@ -7,8 +7,16 @@ from collections.abc import Mapping
 
 import casadi as ca
 
-from identify.effects.quantities import Effect, Importance, Parameter, Situation, Terms
-from identify.effects.typical import change_in_a_slip, fall, slip_speed
+from identify.effects.quantities import (
+    Effect,
+    Importance,
+    Parameter,
+    Situation,
+    Terms,
+    change_in_a_slip,
+    fall,
+    slip_speed,
+)
 
 
 class VelocityWeakening(Effect):

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.budget import of_which, stage, time_is_up
-from identify.base.outcome import Status
+from identify.base.result import Status
 from identify.estimation.goodness_of_fit import Gate, pass_gate
 from identify.logs.prepare import Prepared, beginning, cut_in_last_stick
 from identify.logs.unknowns import Unknowns

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.budget import no_time_limit
-from identify.base.outcome import Status
 from identify.base.progress import Progress
 from identify.base.quantiles import LEVEL, NORMAL, chi_square
+from identify.base.result import Status
 from identify.estimation.attempt import Attempt, solve_again
 from identify.estimation.covariance import (
     IDENTIFIED,

@@ -17,9 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.budget import now, time_is_up
-from identify.base.outcome import Status
 from identify.base.progress import Progress
-from identify.base.result import SearchTrial
+from identify.base.result import SearchTrial, Status
 from identify.estimation.covariance import Estimate
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns

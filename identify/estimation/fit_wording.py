@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.outcome import Status
+from identify.base.result import Status
 from identify.base.wording import speed_text, three_figures
 from identify.effects import ALL, MAIN
 from identify.estimation.attempt import Attempt

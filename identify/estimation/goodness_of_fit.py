@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io.arrays import thinned
-from identify.base.outcome import Status
 from identify.base.quantiles import normal, student
+from identify.base.result import Status
 from identify.base.wording import START_VALUES, three_figures
 from identify.estimation.residual_autocorrelation import innovations, repeats, slides
 from identify.logs.log_data import LogData

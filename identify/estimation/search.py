@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.budget import time_is_up
-from identify.base.outcome import Status
 from identify.base.progress import Progress, to_nobody
+from identify.base.result import Status
 from identify.estimation.attempt import Attempt, place_on, solve_from, solve_placed, usable
 from identify.estimation.estimator import in_time, tried
 from identify.estimation.goodness_of_fit import loads_stand_in

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from data_io.arrays import grid_step, kept, thinned_steps
 from identify.base.quantiles import chi_square
 from identify.logs.noise import bridged, line_slope, smooth, spikes, uneven, white_noise
-from identify.model.base import ForceSensorPlace
+from identify.model.composition import ForceSensorPlace
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import casadi as ca
 
 from identify.effects.quantities import Expression
-from identify.model.base import ELONGATION
-from identify.model.composition import Composition, absent
+from identify.model.composition import ELONGATION, Composition, absent
 from identify.model.signal import ClosedFormSignal
 
 

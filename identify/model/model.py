@@ -17,7 +17,7 @@ from identify.base.errors import SceneError
 from identify.effects import ALL, NAMES
 from identify.effects.quantities import Effect, Expression, Parameter, State
 from identify.model import chain
-from identify.model.base import (
+from identify.model.composition import (
     BASE_PARAMETERS,
     BASE_STATES,
     ELONGATION,
@@ -26,9 +26,9 @@ from identify.model.base import (
     RIG_PARAMETERS,
     SPEED,
     TIME,
+    Composition,
     ForceSensorPlace,
 )
-from identify.model.composition import Composition
 
 __all__ = [
     "BASE_PARAMETERS",

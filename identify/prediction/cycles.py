@@ -17,10 +17,21 @@ from identify.base.compiled import Mapped
 from identify.base.errors import SimulationError
 from identify.effects import ALL
 from identify.model.model import ELONGATION, SPEED, Model, assemble
-from identify.model.modes import GUARDS, sliding_modes
 from identify.simulation.phases import FIRST, FLOOR, ROUNDING, rest_row, sticks
 from identify.simulation.sliding import growth_rates
-from identify.simulation.stepper import DIPS, MODES, N_GUARDS, SHORTEST, BurstState, Stop, burst, event_functions, rate
+from identify.simulation.stepper import (
+    DIPS,
+    GUARDS,
+    MODES,
+    N_GUARDS,
+    SHORTEST,
+    BurstState,
+    Stop,
+    burst,
+    event_functions,
+    rate,
+    sliding_modes,
+)
 from identify.simulation.steppers import HIGH
 
 Array = NDArray[np.float64]

@@ -17,7 +17,7 @@ from identify.model.model import RIG_PARAMETERS
 from identify.prediction.axes import Site
 from identify.prediction.wording import listed, shown
 from identify.scene import LogEntry, Scene
-from identify.scene.parameters import default_spec
+from identify.scene.parts import default_spec
 from identify.scene.values import EACH_LOG
 from identify.simulation.drive import Drive
 

@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 
 from data_io.notebook_figure import NotebookFigure
 from identify.base import result as schema
-from identify.base.outcome import CYCLE_COLUMNS, LogCurves
 from identify.base.quantiles import LEVEL, chi_square
-from identify.base.result import ParameterResult
+from identify.base.result import CYCLE_COLUMNS, LogCurves, ParameterResult
 from identify.base.wording import DASH, decimals, number, quantity, scale_for
 from identify.report import style
 from identify.report.report_wording import plain_symbol, with_group

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from identify.base.document import Json, to_dict
 from identify.base.errors import FitError
-from identify.base.outcome import CYCLE_COLUMNS, LogCurves, Status
-from identify.base.result import Result
+from identify.base.result import CYCLE_COLUMNS, LogCurves, Result, Status
 from identify.base.wording import quantity as quantity_text
 from identify.base.wording import wrapped
 from identify.prediction.draws import Draws

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from data_io.record import WINDOW_START, within
 from data_io.values import Finding
 from identify.base.document import Json, to_dict
-from identify.base.outcome import LogCurves, Status
-from identify.base.result import LogResult, QualityResult
+from identify.base.result import LogCurves, LogResult, QualityResult, Status
 from identify.diagnosis.findings import Findings
 from identify.logs.classical import table_of
 from identify.logs.prepare import Prepared

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from identify.base.outcome import Status
-from identify.base.result import LogResult, Result
+from identify.base.result import LogResult, Result, Status
 from identify.base.wording import DASH, decimals, number, quantity
 from identify.prediction.wording import listed
 from identify.report import report_tables as tables

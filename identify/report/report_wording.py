@@ -5,8 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 
-from identify.base.outcome import Status
-from identify.base.result import AccuracyResult, DistributionResult, Result, ToleranceResult, UnevenResult
+from identify.base.result import AccuracyResult, DistributionResult, Result, Status, ToleranceResult, UnevenResult
 from identify.base.wording import number, quantity
 from identify.effects import ALL
 from identify.estimation.covariance import TOLERANCE_WORDS

@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 
 from identify.base import result as schema
 from identify.base.document import finite
-from identify.base.outcome import Status
 from identify.base.quantiles import LEVEL, NORMAL
-from identify.base.result import ParameterResult, Result, ToleranceResult
+from identify.base.result import ParameterResult, Result, Status, ToleranceResult
 from identify.diagnosis.effect_choice import Choice, as_listed, effects_result
 from identify.diagnosis.findings import Findings
 from identify.diagnosis.score_test import score_table

@@ -14,8 +14,7 @@ import numpy as np
 from data_io.atomic import atomic_hdf5, atomic_write
 from identify.base.document import Json
 from identify.base.errors import DocumentError, FitError, SceneError
-from identify.base.outcome import LogCurves
-from identify.base.result import Result
+from identify.base.result import LogCurves, Result
 from identify.scene import Scene
 
 if TYPE_CHECKING:

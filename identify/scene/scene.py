@@ -17,8 +17,7 @@ from identify.base.wording import DASH, quantity, wrapped
 from identify.effects import ALL
 from identify.effects.quantities import Parameter
 from identify.model.model import FRICTION_PARAMETERS, RIG_PARAMETERS, Model, assemble
-from identify.scene.parameters import declared_by, default_spec
-from identify.scene.parts import known_effects, read_parts
+from identify.scene.parts import declared_by, default_spec, known_effects, read_parts
 from identify.scene.tables import TIED
 from identify.scene.toml import Tables, question_bare_numbers, read_toml, with_rig_file
 from identify.scene.values import EACH_LOG, Contact, DriveSpeed, Initial, LogEntry, ParameterSpec, Rig

@@ -14,7 +14,7 @@ from typing import Any
 from data_io.units import UnitError, parse_quantity
 from data_io.values import SIZES
 from identify.base.errors import SceneError
-from identify.model.base import FORCE_SENSORS
+from identify.model.composition import FORCE_SENSORS
 
 LONGEST_WORD = 60  # characters of a word that are compared with known ones
 LARGEST = 1e18  # of an SI unit, and its inverse the least: no rig has it, and what is made of several is a number still

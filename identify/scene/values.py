@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, get_type_hints
 
 from identify.base.errors import SceneError
-from identify.model.base import ForceSensorPlace
+from identify.model.composition import ForceSensorPlace
 from identify.scene import tables
 from identify.scene.tables import AREA_LAW, CONTACT, INITIAL, NOT_NEGATIVE, POSITIVE, RIG, Key, check
 

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.compiled import Mapped
-from identify.base.tableaus import RK4, step
 from identify.model.model import INPUTS, SPEED, TIME, Model
+from identify.simulation.steppers import RK4, step
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.compiled import Mapped
-from identify.base.tableaus import RK4, step
 from identify.model.model import ELONGATION, SPEED, Model
+from identify.simulation.steppers import RK4, step
 
 Array = NDArray[np.float64]
 Equations = tuple["Symbols", ca.SX, ca.SX]  # symbols, rows (n_rows,), curve (coefficients, cells)

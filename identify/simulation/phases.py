@@ -18,15 +18,18 @@ from identify.base.compiled import Mapped, compiled
 from identify.base.errors import SimulationError
 from identify.base.roots import concave_zero, first_zero
 from identify.model.model import ELONGATION, INPUTS, SPEED, TIME, Model
-from identify.model.modes import GUARDS, GuardName, ModeName, sliding_modes
 from identify.simulation.drive import Drive, NormalForce, breaks
 from identify.simulation.plan import Plan, Scales, swing
 from identify.simulation.stepper import (
+    GUARDS,
     N_GUARDS,
     SHORTEST,
+    GuardName,
+    ModeName,
     Situated,
     Stepper,
     Stop,
+    sliding_modes,
     symbols,
 )
 from identify.simulation.steppers import Method

@@ -14,11 +14,10 @@ from numpy.typing import ArrayLike, NDArray
 from identify.base.compiled import Mapped
 from identify.base.errors import SimulationError
 from identify.model.model import Model
-from identify.model.modes import ModeName
 from identify.scene.tables import quantity
 from identify.simulation.phases import Phase, Slide
 from identify.simulation.plan import LOOSER_SHARE
-from identify.simulation.stepper import coefficient, inputs, within
+from identify.simulation.stepper import ModeName, coefficient, inputs, within
 from identify.simulation.steppers import Method
 
 if TYPE_CHECKING:

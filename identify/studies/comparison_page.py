@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import math
 import os
 import re
 from collections.abc import Mapping, Sequence
@@ -17,14 +18,18 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from data_io.atomic import atomic_write
-from identify.base.table import Cell, OutputTable, visible, workbook
+from identify.base import wording
+from identify.base.result import ParameterResult
+from identify.base.table import Cell, OutputTable, Row, visible, workbook
+from identify.base.wording import DASH, Scale, decimals, interval_text, number, scale_for
 from identify.report.report_page import svg_element, templates
-from identify.report.report_wording import VERDICT_MARK, plain_symbol
+from identify.report.report_tables import value_text
+from identify.report.report_wording import MEANINGS, VERDICT_MARK, plain_symbol
 from identify.report.stored_result import as_json
 from identify.report.style import drawing_style, printable, svg_text
 from identify.studies import compare as comparing
-from identify.studies.compare import PAGE, Comparison, FitEntry
-from identify.studies.comparison_tables import comparison_tables, fits_table, sentences, together, unit_of
+from identify.studies.compare import PAGE, Comparison, FitEntry, PooledQuantity
+from identify.studies.pooled import DIFFERENT, NOT_DISTINGUISHED, NOT_TESTED, Difference
 
 DOCUMENT = "comparison.json"
 IN_LATEX = ("parameters", "differences", "scatter")
@@ -211,3 +216,185 @@ def forest(comparison: Comparison, entry: comparing.PooledQuantity) -> Markup:
     # with a description for those who cannot see it
     box = Markup('<div class="drawing" role="img" aria-label="{}">{}</div>')
     return box.format(visible(label, 300), Markup(drawing))
+
+
+# ----------------------------------------------------------------------------------------------------------------------
+# The tables of a comparison, the same for page, CSV, LaTeX and workbook; and what differs, in sentences.
+# ----------------------------------------------------------------------------------------------------------------------
+
+VERDICT_KIND = {DIFFERENT: "good", NOT_DISTINGUISHED: "plain", NOT_TESTED: "fair"}
+MOST_NAMED = 6  # pairs of groups in a sentence
+
+
+def comparison_tables(comparison: Comparison) -> dict[str, OutputTable]:
+    """Every table of a comparison by name."""
+    missing = [(name, _name(q), reason) for q in comparison.quantities for name, reason in q.missing]
+    left_out = comparison.selected.left_out
+    tables = (
+        _parameters(comparison),
+        _differences(comparison),
+        _scatter(comparison),
+        OutputTable("Fits left out", ("fit", "reason"), left_out, "left_out"),
+        OutputTable("Parameters that a fit does not have", ("fit", "parameter", "reason"), tuple(missing), "missing"),
+        fits_table(comparison.entries),
+    )
+    return {table.name: table for table in tables}
+
+
+def _name(entry: PooledQuantity) -> Cell:
+    """A parameter: its name in files, its symbol for people."""
+    return Cell(entry.quantity.name, plain_symbol(entry.quantity.name))
+
+
+def unit_of(entry: PooledQuantity) -> Scale:
+    """The unit in which a parameter is shown: that of the middle of its means."""
+    values = sorted(abs(entry.quantity.shown(m.value)) for m in (entry.pooled.means if entry.pooled else ()))
+    return scale_for(values[len(values) // 2] if values else None, entry.quantity.unit)
+
+
+def _parameters(comparison: Comparison) -> OutputTable:
+    """The means; standard error and scatter are in the unit of the mean, also where logarithms were pooled."""
+    rows: list[Row] = []
+    for entry in comparison.quantities:
+        q, scale = entry.quantity, unit_of(entry)
+        means = {m.group: m for m in (entry.pooled.means if entry.pooled else ())}
+        for group in comparison.groups:
+            mean = means.get(group)
+            if mean is None:
+                rows.append((_name(entry), group, *[None] * 8, entry.reason or "none of its fits has it"))
+                continue
+            value, ends = q.shown(mean.value), [q.shown(v) for v in mean.interval or ()]
+            per = value if q.logarithmic else 1.0
+            text, interval = _estimate(value, ends, scale, q.logarithmic)
+            remark = mean.reason or ("mean of the logarithm" if q.logarithmic else "")
+            scatter = None if mean.scatter is None else mean.scatter * per
+            counts = (mean.error * per, mean.fits, mean.subjects, scatter, remark)
+            shown = (Cell(value, text, interval or "open"), *(ends or (None, None)), Cell(q.unit, scale.unit or "1"))
+            rows.append((_name(entry), group, *shown, *counts))
+    by, who = comparison.question.by, comparison.selected.subject or "people"
+    heads = ("parameter", by, "mean", "95 % low", "95 % high", "unit", "standard error", "fits", who)
+    return OutputTable(f"Parameters by {by}", (*heads, "scatter of its fits", "remark"), tuple(rows), "parameters")
+
+
+def _estimate(value: float, ends: Sequence[float], scale: Scale, positive: bool) -> tuple[str, str]:
+    """A value and its interval (n = 2 ends, or none) as text in one unit, with as many digits as the interval gives."""
+    shown, low_high = value / scale.factor, [end / scale.factor for end in ends]
+    width = (low_high[1] - low_high[0]) / 4 if ends else None
+    places = wording.places_of_positive(width, shown) if positive else wording.places_for(width, shown)
+    return decimals(shown, places), wording.ends_text(low_high[0], low_high[1], places) if ends else ""
+
+
+def difference_text(entry: PooledQuantity, d: Difference) -> tuple[str, str]:
+    """A difference and its interval as text: a factor where the mean is that of the logarithm."""
+    if entry.quantity.logarithmic:
+        text, interval = _estimate(math.exp(d.value), [math.exp(v) for v in d.interval or ()], Scale("", 1.0), True)
+        return f"× {text}", f"× {interval}" if interval else ""
+    unit = unit_of(entry)
+    text, interval = _estimate(d.value, d.interval or (), unit, False)
+    tail = f" {unit.unit}" if unit.unit else ""
+    return f"{'+' * (d.value > 0)}{text}{tail}", f"{interval}{tail}" if interval else ""
+
+
+def _differences(comparison: Comparison) -> OutputTable:
+    rows: list[Row] = []
+    for entry in comparison.quantities:
+        q = entry.quantity
+        for d in entry.pooled.differences if entry.pooled else ():
+            text, interval = difference_text(entry, d)
+            ends = [None if v is None else q.shown(v) for v in d.interval or (None, None)]
+            chance = None if d.p is None else Cell(d.p, "< 0.001" if d.p < 0.001 else f"{d.p:.2g}")
+            verdict = Cell(d.verdict, note=visible(d.reason, 300), kind=VERDICT_KIND[d.verdict])
+            shown = (Cell(q.shown(d.value), text, interval), *ends, "first / second" if q.logarithmic else q.unit)
+            rows.append((_name(entry), d.first, d.second, *shown, chance, verdict, d.reason, d.df, d.shared))
+    heads = ("parameter", "first", "second", "difference", "simultaneous low", "simultaneous high", "unit", "p")
+    rest = ("verdict", "reason", "degrees of freedom", "people with both")
+    return OutputTable("Differences", (*heads, *rest), tuple(rows), "differences")
+
+
+def _scatter(comparison: Comparison) -> OutputTable:
+    rows: list[Row] = []
+    for entry in comparison.quantities:
+        if entry.pooled is None:
+            continue
+        s, q = entry.pooled.scatter, entry.quantity
+        scale = Scale("%", 0.01) if q.logarithmic else unit_of(entry)
+        cells = [
+            Cell() if value is None else Cell(value, f"{number(value / scale.factor, 2)} {scale.unit}".rstrip())
+            for value in (s.subject, s.run, s.fit, s.repeatability, *(s.repeatability_interval or (None, None)))
+        ]
+        if s.repeatability is not None:
+            cells[3] = Cell(s.repeatability, cells[3].text, f"{cells[4].text} to {cells[5].text}")
+        icc = Cell(s.intraclass, DASH if s.intraclass is None else decimals(s.intraclass, 2))
+        rows.append((_name(entry), *cells, icc, "logarithm" if q.logarithmic else q.unit))
+    heads = ("parameter", f"between {comparison.selected.subject or 'person'}s", "between runs", "error of a fit")
+    rest = ("repeatability", "repeatability low", "repeatability high", "intraclass correlation", "unit")
+    return OutputTable("Scatter and repeatability (standard deviations)", (*heads, *rest), tuple(rows), "scatter")
+
+
+def fits_table(entries: Sequence[FitEntry], links: Sequence[str] = ()) -> OutputTable:
+    """Every fit that was found: status, labels, parameters with standard errors; links: address of each fit's page."""
+    labels = list(dict.fromkeys(name for e in entries for name in e.labels))
+    names = list(dict.fromkeys(n for e in entries for n in e.result.parameters))
+    heads = ["fit", "status", "message", *labels, "logs", "misfit"]
+    scales = []
+    for name in names:
+        estimates = [p for e in entries if (p := e.result.parameters.get(name)) is not None]
+        values = sorted(abs(p.value) for p in estimates if p.value is not None)
+        unit = next((p.unit for p in estimates if p.unit), "")
+        scales.append(scale_for(values[len(values) // 2] if values else None, unit))
+        tail = f" [{unit}]" if unit else ""
+        heads += [f"{name}{tail}", f"{name} standard error{tail}", f"{name} verdict"]
+    rows: list[Row] = []
+    for entry, link in zip(entries, links or [""] * len(entries), strict=True):
+        gate = entry.result.gate
+        row: list[Cell | str | int | float | None] = [
+            Cell(entry.name, link=link),
+            Cell(entry.status, entry.status.replace("_", " "), kind="good" if entry.converged else "bad"),
+            entry.message,
+            *(entry.labels.get(label) for label in labels),
+            len(entry.result.logs),
+            Cell(gate.chi2_per_sample, number(gate.chi2_per_sample, 3)) if gate else None,
+        ]
+        for name, scale in zip(names, scales, strict=True):
+            p, cell = entry.result.parameters.get(name, ParameterResult(None)), Cell()
+            if p.value is not None:
+                value, _ = value_text(p, scale)
+                mark = "" if p.verdict == "identified" else VERDICT_MARK.get(p.verdict, "")
+                text = " ".join(filter(None, (value, scale.unit, mark)))
+                cell = Cell(p.value, text, interval_text(p.ends, scale) if p.interval else p.verdict)
+            row += [cell, p.standard_error, p.verdict]
+        rows.append(tuple(row))
+    return OutputTable("Fits", tuple(heads), tuple(rows), "fits")
+
+
+def sentences(comparison: Comparison) -> list[tuple[str, str, str]]:
+    """What differs: symbol, meaning and one plain sentence per parameter."""
+    named = [(entry.quantity.name, _sentence(entry)) for entry in comparison.quantities]
+    return [(plain_symbol(name), MEANINGS.get(name, name.replace("_", " ")), words) for name, words in named]
+
+
+def together(parts: Sequence[tuple[str, str, str]]) -> list[tuple[str, str, str]]:
+    """The same with equal sentences given once, for all parameters of which they hold."""
+    names: dict[str, list[str]] = {}
+    meanings = {words: meaning for _, meaning, words in parts}
+    for name, _, words in parts:
+        names.setdefault(words, []).append(name)
+    return [(", ".join(group), meanings[words] if len(group) == 1 else "", words) for words, group in names.items()]
+
+
+def _sentence(entry: PooledQuantity) -> str:
+    if entry.pooled is None:
+        return f"not compared: {entry.reason}."
+    differences, count = entry.pooled.differences, len(entry.pooled.means)
+    if not differences:
+        return "there is only one group." if count < 2 else f"{count} groups are too many to compare in pairs."
+    if all(d.verdict == NOT_TESTED for d in differences):
+        return f"not tested: {differences[0].reason}."
+    apart = [(d.first, d.second) if d.value > 0 else (d.second, d.first) for d in differences if d.verdict == DIFFERENT]
+    named = [f"{visible(higher, 40)} above {visible(lower, 40)}" for higher, lower in apart]
+    rest, untested = (sum(d.verdict == verdict for d in differences) for verdict in (NOT_DISTINGUISHED, NOT_TESTED))
+    more = f" and {len(named) - MOST_NAMED} more" if len(named) > MOST_NAMED else ""
+    pieces = [("; ".join(named[:MOST_NAMED]) or "no difference found") + more]
+    pieces += [f"{rest} pair{'s' * (rest != 1)} not distinguished"] if named and rest else []
+    pieces += [f"{untested} not tested"] if untested else []
+    return f"{'; '.join(pieces)}."

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.base.document import Json
-from identify.base.outcome import Status
 from identify.base.quantiles import LEVEL, NORMAL, chi_square
+from identify.base.result import Status
 from identify.effects import ALL
 from identify.estimation.covariance import WEAK, Estimate, verdict_of
 from identify.estimation.estimator import Estimated, EstimationTask, in_time, no_time_for

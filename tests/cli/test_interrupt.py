@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from identify.cli import interrupt
+from identify.cli.arguments import check_replaceable, result_folder
 from identify.cli.common import Answer, CommandLineError
-from identify.cli.folder import check_replaceable, result_folder
 from tests.support.command import stickslip
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -25,7 +25,7 @@ import sys, time
 from pathlib import Path
 from identify.cli import main as cli, fit
 from identify.cli import interrupt
-from identify.cli.folder import result_folder
+from identify.cli.arguments import result_folder
 
 def run(arguments, terminal):
     with result_folder(Path("out")) as fresh:

@@ -6,8 +6,8 @@ from dataclasses import replace
 import pytest
 
 from experiments.study_problem import DEMO, SPEEDS
-from identify.base.outcome import Status
 from identify.base.progress import to_nobody
+from identify.base.result import Status
 from identify.diagnosis.explain import explain, takes_misfit
 from identify.diagnosis.findings import Findings
 from identify.effects import MAIN

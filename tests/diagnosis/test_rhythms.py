@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from experiments.study_problem import RIG
-from identify.base.outcome import Status
+from identify.base.result import Status
 from identify.diagnosis.fitted import fit_model
 from identify.effects import MAIN
 from identify.logs.vibration import rhythms

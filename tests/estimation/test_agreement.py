@@ -10,7 +10,7 @@ import pytest
 from scipy.stats import chi2
 
 from experiments.study_problem import DEMO, NAMES, RIG
-from identify.base.outcome import Status
+from identify.base.result import Status
 from identify.estimation.influence import scores_of
 from identify.identification import find
 from identify.scene import Scene

@@ -13,7 +13,7 @@ import pytest
 from data_io import Record
 from experiments.study_problem import DEMO, NOISE, RIG, SPEEDS, simulated_case
 from identify import FitOptions, Scene, fit
-from identify.base.outcome import Status
+from identify.base.result import Status
 from identify.effects import MAIN
 from identify.estimation.search import SearchProblem, search
 from identify.examples import FOLDER

@@ -13,7 +13,7 @@ import pytest
 
 from data_io import Record
 from identify import Scene, fit
-from identify.base.outcome import Status
+from identify.base.result import Status
 from identify.estimation.covariance import Estimate
 from identify.estimation.estimator import Estimated, EstimationTask
 from identify.examples import FOLDER

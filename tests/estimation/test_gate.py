@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from identify.base.outcome import Status
+from identify.base.result import Status
 from identify.estimation.goodness_of_fit import inconsistency, pass_gate
 from identify.model.model import SPEED
 from identify.shooting.layout import COARSE_GRID

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from experiments import in_vivo
-from identify.base.outcome import Status
+from identify.base.result import Status
 from identify.estimation.attempt import solve_from
 from identify.estimation.certainty import Question, certainty
 from identify.estimation.covariance import information_at

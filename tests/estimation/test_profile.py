@@ -8,9 +8,9 @@ import pytest
 from experiments.study_problem import DEMO, RIG
 from identify import Scene
 from identify.base.budget import time_limit
-from identify.base.outcome import Status
 from identify.base.progress import to_nobody
 from identify.base.quantiles import NORMAL
+from identify.base.result import Status
 from identify.estimation.attempt import solve_again
 from identify.estimation.certainty import Question, certainty
 from identify.estimation.covariance import information_at

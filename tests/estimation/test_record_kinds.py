@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from experiments.record_kinds import DEMO, HOLDS, KINDS, MILD, RIG, STIFF, STROKES, Kind
-from identify.base.outcome import Status
+from identify.base.result import Status
 from identify.effects import MAIN
 from identify.estimation import search
 from identify.estimation.covariance import information_at

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from identify.base.outcome import Status
+from identify.base.result import Status
 from identify.effects import MAIN
 from identify.identification import find
 from identify.scene import Scene

@@ -9,7 +9,7 @@ import pytest
 from identify import Scene, fit
 from identify.base import budget
 from identify.base.budget import no_time_limit, seconds_left, time_is_up, time_limit
-from identify.base.outcome import Status
+from identify.base.result import Status
 from identify.estimation.estimator import in_time, tracing, tried
 from identify.examples import FOLDER
 

@@ -14,8 +14,7 @@ import h5py
 import numpy as np
 import pytest
 
-from identify.base.outcome import Status
-from identify.base.result import ParameterResult
+from identify.base.result import ParameterResult, Status
 from identify.effects import ALL
 from identify.report import write_report
 from identify.report.figures import pictures

@@ -11,11 +11,10 @@ import numpy as np
 import pytest
 
 from experiments.pooling_draws import Plan, draw
-from identify.cli.folder import COMPARISON, check_replaceable
+from identify.cli.arguments import COMPARISON, check_replaceable
 from identify.cli.main import main
 from identify.studies.compare import ComparisonQuestion, compare, read_fits
-from identify.studies.comparison_page import write_comparison
-from identify.studies.comparison_tables import comparison_tables
+from identify.studies.comparison_page import comparison_tables, write_comparison
 from tests.support.command import stickslip
 from tests.support.comparing_case import document, write_fit, write_study
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from identify.base.outcome import LogCurves
+from identify.base.result import LogCurves
 from identify.report.finished import Fit
 from identify.scene import Scene
 from tests.support import oracle
