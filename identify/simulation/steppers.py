@@ -1,4 +1,4 @@
-"""Integration methods: Runge-Kutta formulas as numbers, and one step of a sliding motion with its error in tolerances."""
+"""Integration methods: Runge-Kutta formulas as numbers, and one step of sliding with its error in tolerances."""
 
 from __future__ import annotations
 
