@@ -70,7 +70,7 @@ def with_sound_clocks(request: Request, contents: Contents) -> Contents:
 
 # Stamps of an even clock on a grid: decimals, ticks of a timer, single precision.
 
-_FEWEST: Final = 50  # rows from which an even clock is told from a few odd steps
+_FEWEST: Final = 50  # rows from which an even clock and a few odd steps differ
 _MATTERS: Final = 0.05  # of an interval: a coarser rounding moves samples noticeably
 _NEAR: Final = 0.05  # of the grid by which intervals may miss its multiples: its decimals are rounded too
 _WITHIN: Final = 1.25  # steps of the grid that the line through an even clock may miss its stamps by, from end to end
@@ -296,7 +296,7 @@ def with_clocks_of_channels(part: Part, starts: Sequence[float], intervals: Sequ
     """
     columns, clocks = part.columns, dict(part.clocks)
     for place, channel in enumerate(sorted(columns)):
-        start, interval = (told[min(place, len(told) - 1)] if told else 0.0 for told in (starts, intervals))
+        start, interval = (given[min(place, len(given) - 1)] if given else 0.0 for given in (starts, intervals))
         clock = len(part.header.names)
         time = start + interval * np.arange(columns[channel].size, dtype=np.float64)
         part = with_column(part, "time", Name(CLOCK, CLOCK, "s"), time)
@@ -393,8 +393,8 @@ def _side_by_side(part: Part) -> list[Part]:
         kept = [i for i, values in part.columns.items() if a <= i < b and np.isfinite(values).any()]
         names = tuple(part.header.names[i] for i in kept)
         columns = {place: part.columns[i] for place, i in enumerate(kept)}
-        told = np.any([np.isfinite(values) for values in columns.values()], axis=0)
-        rows = int(np.flatnonzero(told)[-1]) + 1 if told.any() else 0
+        known = np.any([np.isfinite(values) for values in columns.values()], axis=0)
+        rows = int(np.flatnonzero(known)[-1]) + 1 if known.any() else 0
         columns = {place: values[:rows].copy() for place, values in columns.items()}
         place = {"table": f"columns {kept[0] + 1} to {kept[-1] + 1}"}
         header = match_names(names, {})

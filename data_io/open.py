@@ -18,6 +18,7 @@ from data_io.contents import Contents, is_series, joined_contents, logs_at
 from data_io.derived_columns import with_derived_columns, with_drive_of_rotation
 from data_io.record import Record, within
 from data_io.source import Request, Source, load, no_progress, sha256_of_several, sha256_unchanged
+from data_io.spelling import spelled
 from data_io.text import looks_like_text
 from data_io.units import parse_quantity
 from data_io.values import COLUMN_ROLES, LogError, LogTooLargeError, UnitError
@@ -73,6 +74,7 @@ REFUSED: Final = (
 """Files that laboratories have and no reader reads: how they begin, what to do."""
 
 
+@spelled
 @np.errstate(over="ignore", invalid="ignore")  # what is no finite number in the end is refused by name
 def read_log(
     path: str | Path,

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from data_io.arrays import true_runs
+from data_io.spelling import Spelled
 from data_io.values import (
     COLUMN_ROLES,
     LARGEST_FORCE,
@@ -146,7 +147,7 @@ WINDOW_START: Final = "window_start"
 
 
 @dataclass(frozen=True, eq=False)
-class Record:
+class Record(Spelled):
     """One run in SI; arrays are read-only float64 of shape (n,), n >= 2. Building one validates it (`LogError`).
 
     time [s] starts at 0 and rises strictly; normal_force [N] is positive in compression; friction_force [N] has the

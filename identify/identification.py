@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
+from data_io.spelling import spelled
 from identify.base.budget import now, seconds_left, stage, timing_stages
 from identify.base.budget import time_limit as within
 from identify.base.errors import FitError
@@ -93,6 +94,7 @@ class Task(EstimationTask):
     known: Array | None = None
 
 
+@spelled
 def fit(
     scene: Scene | str | Path | Mapping[str, object],
     records: Sequence[Record] | None = None,
@@ -312,7 +314,7 @@ def _with_rig_estimated(task: Task, prepared: list[Prepared], findings: Findings
     named = [cause for cause in findings.causes if cause.number == 1]
     if not all(cause.quantity in ERRORS for cause in named):
         return prepared, findings
-    # Errors that the data do not tell apart add up, and all that scales the force by the way looks alike.
+    # Errors that the data cannot distinguish add up, and all that scales the force by the way looks alike.
     together = {*SCALES, "stiffness", *(ERRORS[cause.quantity] for cause in named)}
     most = LIKELY * float(np.linalg.norm([usual[name] for name in together]))
     if not any(cause.stated and abs(cause.suggested / cause.stated - 1.0) < most for cause in named):
@@ -369,7 +371,7 @@ def _with_logs_apart(task: Task, prepared: list[Prepared], findings: Findings) -
     assert findings.attempt is not None
     least = {**USUAL_TOLERANCES, **task.scene.tolerances}["specimen"]
     random = with_scatter(findings.attempt, prepared, findings.unknowns, least)
-    if random is None or random.sd > max(MOST_SCATTER, 2.0 * least):  # few logs hardly tell it
+    if random is None or random.sd > max(MOST_SCATTER, 2.0 * least):  # few logs barely determine it
         return prepared, findings
     again = _quantified(task, random.prepared, random.attempt, dict(findings.left_out))
     if again.status is not Status.CONVERGED or again.contradicted:

@@ -18,6 +18,7 @@ from identify.app.simulations import ONE_AT_A_TIME
 from identify.base.errors import IdentifyError
 from identify.base.result import Result
 from identify.base.table import OutputTable
+from identify.report.figures import available
 from identify.report.finished import Fit
 from identify.report.report_tables import parameter_table
 from identify.report.report_wording import (
@@ -26,20 +27,12 @@ from identify.report.report_wording import (
     distribution_lines,
     headline,
     is_uneven,
-    plain_symbol,
     tolerances_text,
 )
 from identify.report.stored_result import plain
-from identify.report.style import COLUMN, TWO_COLUMNS, drawing_style, extremes
+from identify.report.style import DPI, drawing_style, extremes
 
 Array = NDArray[np.float64]
-# Words, and the effect whose law it is.
-PICTURES = {
-    "residual_histogram": ("residuals", ""),
-    "logs": ("all logs over each other", ""),
-    "friction": ("friction over sliding speed", "velocity_weakening"),
-    "ageing": ("strength over rest", "contact_ageing"),
-}
 FORMS = {"svg": "image/svg+xml", "pdf": "application/pdf", "png": "image/png"}
 SHOWN = ("status", "message", "parameters", "search", "not_tried", "accuracy", "timing_s")
 
@@ -83,8 +76,6 @@ def fit_seen(folder: Folder, name: str) -> Document:
         for log, curves in zip_longest(result.logs, fit.logs)
         for path in [Path(log.path)]
     ]
-    whole = result.converged and uneven is None and all(e.value for e in result.parameters.values())
-    laws = ("", *result.effects.names) if whole else ()
     shown = {key: document.get(key) for key in SHOWN} | {
         "table": as_shown(parameter_table(result.parameters)),
         "tolerances": tolerances_text(result.tolerances or {}),
@@ -92,24 +83,21 @@ def fit_seen(folder: Folder, name: str) -> Document:
         "uneven": uneven,
         "effects": (document.get("effects") or {}).get("reasons") or [],
         "logs": logs,
-        "symbols": {key: plain_symbol(key) for key in result.parameters},
-        "figures": sorted(item.name for item in (place / "figures").glob("*.svg")),
-        "drawn": [(kind, words) for kind, (words, effect) in PICTURES.items() if effect in laws],
+        "figures": [name for name in available(fit) if result.converged or name.startswith("log")],
         "files": sorted(item.name for item in place.iterdir() if item.is_file()),
     }
     return dict(plain(shown))
 
 
 def fit_picture(folder: Folder, name: str, query: PageQuery) -> Response:
-    """One of PICTURES of the fit in a folder, at the width of one or two columns of a paper (a PNG at 300 dpi)."""
-    kind, form = query.text("kind"), query.text("form")
-    if kind not in PICTURES or form not in FORMS:
-        raise PageError(f"a fit has no picture {kind}.{form}; load the page again")
-    out = io.BytesIO()
+    """A figure of the fit in a folder, at the width of one or two columns of a paper (a PNG at 300 dpi)."""
+    drawn, form, out = available(fit_of(folder, name)), query.text("form"), io.BytesIO()
+    if query.text("name") not in drawn or form not in FORMS:
+        raise PageError(f"a fit has no figure {query.text('name')}.{form}; load the page again")
     with ONE_AT_A_TIME, drawing_style():
-        figure = getattr(fit_of(folder, name), f"plot_{kind}")().figure
-        figure.set_size_inches(COLUMN if query.whole("columns", 1) == 1 else TWO_COLUMNS)
-        figure.savefig(out, format=form, dpi=300)
+        figure = drawn[query.text("name")](columns=2 if query.whole("columns", 1) == 2 else 1).figure
+        assert figure is not None
+        figure.savefig(out, format=form, dpi=DPI)
     return Response(out.getvalue(), media_type=FORMS[form])
 
 

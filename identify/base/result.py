@@ -354,8 +354,8 @@ class HeldResult:
 
 @dataclass(frozen=True)
 class CauseResult:
-    """One possible cause of a misfit, SI: a quantity (log: of one alone), its class (of what the data do not tell
-    apart), its score (about the fall of chi^2 with it free), its value as stated and as suggested; gains as ratios."""
+    """One possible cause of a misfit, SI: a quantity (log: of one alone), its class (of those that look alike in
+    the data), its score (about the fall of chi^2 with it free), its value as stated and suggested; gains as ratios."""
 
     quantity: str
     log: str | None

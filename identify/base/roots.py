@@ -24,7 +24,7 @@ def rising_root(
     Args:
         equation: (x (n,), *parameters (n,) each) -> (value (n,), slope (n,)).
         low, high: shape (n,), with value(low) <= 0 <= value(high).
-        parameters: what tells the functions apart, (n,) each.
+        parameters: by what the functions differ, (n,) each.
     """
     x = 0.5 * (low + high)
     with np.errstate(all="ignore"):

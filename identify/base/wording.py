@@ -17,7 +17,7 @@ def three_figures(value: float) -> str:
 
 
 def distinct(value: float, other: float) -> tuple[str, str]:
-    """Two numbers with three figures, or with as many as it takes to tell them apart (eight at most)."""
+    """Two numbers with three figures, or with as many as distinguish them (eight at most)."""
     if three_figures(value) != three_figures(other):
         return three_figures(value), three_figures(other)
     pairs = ((f"{value:.{n}g}", f"{other:.{n}g}") for n in range(4, 9))
@@ -96,7 +96,7 @@ LAB_UNITS: dict[str, tuple[tuple[str, float], ...]] = {
     "W": (("W", 1.0), ("mW", 1e-3), ("µW", 1e-6)),
     "J": (("J", 1.0), ("mJ", 1e-3), ("µJ", 1e-6), ("nJ", 1e-9)),
 }
-# How a key of the result document tells its unit; longer endings first.
+# How a key of the result document ends by its unit; longer endings first.
 KEY_UNITS = (
     ("_m_per_s", "m/s"),
     ("_N_per_m", "N/m"),
@@ -201,7 +201,7 @@ def quantity(value: float | None, unit: str, digits: int = 4) -> str:
 
 
 def split_key(key: str) -> tuple[str, str]:
-    """Name and SI unit told by a key of the document: "onset_force_N" -> ("onset force", "N")."""
+    """Name and SI unit by a key of the document: "onset_force_N" -> ("onset force", "N")."""
     for ending, unit in KEY_UNITS:
         if key.endswith(ending) and len(key) > len(ending):
             return key[: -len(ending)].replace("_", " "), unit

@@ -65,7 +65,7 @@ def ring_downs(time: Array, force: Array) -> list[RingDown]:
         time: (n,) [s]; force: (n,) [N], what is not finite is left out.
 
     Raises:
-        IdentifyError: the ringing has too few samples per swing to be told from a faster one.
+        IdentifyError: the ringing has too few samples per swing to distinguish it from a faster one.
     """
     good = np.isfinite(force)
     time, force = time[good], force[good]

@@ -62,7 +62,7 @@ def rig(arguments: Namespace, terminal: Terminal) -> Answer:
 
 
 def _measured(arguments: Namespace) -> list[Measured]:
-    """What each log tells, by its kind: it rings down, or it rises at stiffness times drive speed."""
+    """What each log gives, by its kind: it rings down, or it rises at stiffness times drive speed."""
     logs = [Path(log) for log in arguments.logs]
     logs += [Path(skin) for skin in arguments.skin if Path(skin).name not in {log.name for log in logs}]
     speeds = _by_log([text if "=" in text else f"*={text}" for text in arguments.drive_speed], "--drive-speed", logs)
@@ -120,7 +120,7 @@ def _known(text: str) -> Measured:
 
 
 def plan(arguments: Namespace, terminal: Terminal) -> Answer:
-    """Simulate designs for a fit, or for a scene with what its logs are expected to tell; choose and say."""
+    """Simulate designs for a fit, or for a scene with what its logs are expected to identify; choose and say."""
     out = None if arguments.out is None else file_to_write(arguments.out, "--out")
     choices = Choices(
         speeds=positives(arguments.speed, "m/s", "--speed"),

@@ -54,6 +54,10 @@ POINT: Options = {
 COMMANDS: Mapping[str, tuple[str, str]] = {  # module and function, and a line of help
     "demo": ("fit.demo", "the main job on example logs: fit, summary, report"),
     "fit": ("fit.fit_logs", "identify the friction parameters from all the logs together, and write a report"),
+    "figures": (
+        "fit.figures",
+        "the figures of a fit for a paper: SVG, PDF and PNG, one and two columns wide, captions",
+    ),
     "verify": ("fit.verify", "run a stored fit again from its recorded inputs and compare"),
     "inspect": (
         "logs.inspect",
@@ -90,6 +94,10 @@ OPTIONS: Mapping[str, Options] = {  # as `add_options` takes them
             "--starts {data,user,both}": "start from data, from the scene, or both (default: what there is)",
         },
         **READING,
+    },
+    "figures": {
+        "result RESULT": "the folder of a fit, or its result.json",
+        "--out DIR": "folder of the figures (default: <folder of the fit>-figures)",
     },
     "verify": {
         "result RESULT.json": "the result.json of an earlier fit",

@@ -150,6 +150,20 @@ def _preview(scene: Scene, out: Path, terminal: Terminal) -> Answer:
     )
 
 
+def figures(arguments: Namespace, terminal: Terminal) -> Answer:
+    """Write the figures of a finished fit at the widths of a paper."""
+    given = Path(arguments.result)
+    place = given if given.is_dir() else given.parent
+    out = Path(arguments.out or f"{place.resolve()}-figures")
+    if out.exists() and not out.is_dir():
+        raise CommandLineError(f"--out {out} is a file; expected a folder: choose another name")
+    with terminal.bar() as progress:
+        progress("drawing")
+        files = [str(path) for path in Fit.load(place).save_figures(out)]
+    terminal.say(f"{len(files) - 1} figures, and their captions: {files[-1]}")
+    return Answer(document={"status": "written", "message": f"{len(files)} files in {out}", "files": files})
+
+
 def verify(arguments: Namespace, terminal: Terminal) -> Answer:
     """Fit again and compare status and values; exit code 3 where they differ."""
     stored = read_result(Path(arguments.result))

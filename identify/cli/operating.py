@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from data_io.spelling import nearest
 from identify.base.document import Json, to_dict
 from identify.base.errors import SceneError
 from identify.base.result import LogResult, Result
@@ -26,7 +27,7 @@ from identify.prediction.wording import ranges_text, shown
 from identify.report.report_wording import OUTCOMES
 from identify.report.stored_result import read_result, scene_of
 from identify.scene import LogEntry, Scene
-from identify.scene.tables import NOT_NEGATIVE, POSITIVE, Key, check, nearest, quantity
+from identify.scene.tables import NOT_NEGATIVE, POSITIVE, Key, check, quantity
 from identify.scene.values import EACH_LOG
 
 Array = NDArray[np.float64]

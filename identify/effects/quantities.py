@@ -178,7 +178,7 @@ class Effect(ABC):
         return None
 
     def importance(self, p: Mapping[str, float], normal_force: float, drive_speed: float) -> Importance | None:
-        """When it matters, from the numbers of a scene; None where numbers alone do not tell."""
+        """When it matters, from the numbers of a scene; None where numbers alone do not decide it."""
         return None
 
     def refusal(self, p: Mapping[str, float], normal_force: float, drive_speed: float) -> str | None:

@@ -316,7 +316,7 @@ def fine_enough(attempt: Attempt, unknowns: Unknowns, options: FitOptions) -> tu
 
         again = tried(FINER_STEPS, refined, before)
         if again is None or again.gate.status is Status.SOLVER_FAILED:
-            break  # no reason to give up the answer: what its steps cost is told
+            break  # no reason to give up the answer: what its steps cost is reported
         attempt, known = again, information_at(again.solved, unknowns)
     return attempt, known
 

@@ -12,6 +12,7 @@ from contourpy import contour_generator
 from numpy.typing import ArrayLike, NDArray
 
 from data_io.atomic import atomic_write
+from data_io.spelling import spelled
 from identify.base.errors import SimulationError
 from identify.base.result import Number
 from identify.model.model import Model
@@ -239,6 +240,7 @@ class Chart:
         return [np.column_stack([x.value_at(p[:, 0]), y.value_at(p[:, 1])]) for p in boundary.lines()]
 
 
+@spelled
 def stability_map(
     scene: Scene | Site,
     x: str,

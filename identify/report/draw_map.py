@@ -18,6 +18,7 @@ from matplotlib.path import Path
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
 
 from data_io.atomic import atomic_path
 from identify.base.wording import number, scale_for
@@ -32,6 +33,7 @@ Array = NDArray[np.float64]
 SIZE, OVER_ONE, DPI = (3.54, 4.3), (3.54, 4.6), 300  # inch: a journal column is 90 mm wide
 STICKS, SLIDES, TESTED = "#D55E00", "#0072B2", "0.25"  # ends of stick-slip and of stable sliding, the tested range
 FONT = 7.5
+LETTER, LINE = 0.01, 0.03  # half a letter over the width of a map, half a line over its height
 NARROW = 30.0  # ratio of the ends of an axis up to which it has numbers between the decades
 LEVELS = 6  # of contours
 POWERS = 30.0  # ratio of values from which levels and colours are even in powers
@@ -54,7 +56,7 @@ def draw_map(
     others: Sequence[tuple[float, float]] = (),
     tested: Tested | None = None,
 ) -> None:
-    """Draw a map: regions by outcome with the fall of the force, or ("amplitude") fall and period as contours.
+    """Draw a map: regions by outcome with the drop of the force, or ("amplitude") its drop and period.
 
     Args:
         others: operating points (x, y) [SI] beside that of the chart; tested: the range that logs cover.
@@ -135,11 +137,13 @@ def map_figure(chart: Chart, part: str, others: Sequence[tuple[float, float]], t
     _quantity_axis(axes.yaxis, quantities[1], y[[0, -1]])
     canvas = _Canvas(chart, axes, x, y, factors)
     sticks = canvas.region(chart.sticking)
-    if part == "amplitude":  # the fall of the force covers the colours of what sticks
-        _fall(figure, canvas)
-        legend = _contours(canvas, sticks, "period", ("white", "0.25"))
+    if part == "amplitude":  # the drop of the force covers the colours of what sticks
+        _drop(figure, canvas)
+        legend = list[Artist]()
+        _contours(canvas, sticks, "period", ("white", "0.25"))
     else:
-        legend = _regions(canvas, sticks) + _contours(canvas, sticks, "peak_to_valley", ("0.45", "white"))
+        legend = _regions(canvas, sticks)
+        _contours(canvas, sticks, "peak_to_valley", ("0.45", "white"))
     for boundary, colour, words in (
         (chart.sticking, STICKS, "end of stick-slip"),
         (chart.unstable, SLIDES, "sliding loses stability"),
@@ -168,15 +172,31 @@ def _regions(canvas: _Canvas, sticks: Path | None) -> list[Artist]:
         if cells.count():
             colour = ListedColormap([REGIONS[word][0]])
             axes.pcolormesh(canvas.x, canvas.y, cells, shading="nearest", cmap=colour, vmin=0, vmax=1, zorder=0.6)
-    seen = [REGIONS[word] for word in REGIONS if word in chart.outcomes]
-    return [Patch(facecolor=colour, edgecolor="0.5", lw=0.4, label=text) for colour, text in seen]
+    seen = [word for word in REGIONS if word in chart.outcomes and not _named_inside(canvas, word)]
+    return [Patch(facecolor=REGIONS[word][0], edgecolor="0.5", lw=0.4, label=REGIONS[word][1]) for word in seen]
 
 
-def _contours(canvas: _Canvas, inside: Path | None, name: str, colours: tuple[str, str]) -> list[Artist]:
-    """Labelled contours of a quantity of the orbit, and its entry in the legend; colours: of lines, behind labels."""
+def _named_inside(canvas: _Canvas, word: str) -> bool:
+    """Write the name of an outcome into its region, in one line or one word a line, where that has room for it."""
+    colour, text = REGIONS[word]
+    cells = np.pad(canvas.chart.outcomes == word, 1)
+    for wrapped in (text, text.replace(" ", "\n")):
+        height, width = LINE * (wrapped.count("\n") + 1), LETTER * max(map(len, wrapped.split("\n")))
+        room = distance_transform_edt(cells, sampling=1.0 / (np.array(cells.shape) * (height, width)))
+        row, column = np.unravel_index(int(np.argmax(room)), room.shape)
+        if room[row, column] > 1.0:
+            halo = [withStroke(linewidth=2.5, foreground=colour)]
+            place = {"x": canvas.x[column - 1], "y": canvas.y[row - 1], "ha": "center", "va": "center"}
+            canvas.axes.text(s=wrapped, fontsize=FONT, path_effects=halo, zorder=2.5, **place)
+            return True
+    return False
+
+
+def _contours(canvas: _Canvas, inside: Path | None, name: str, colours: tuple[str, str]) -> None:
+    """Labelled contours of a quantity of the orbit, and what they are above the map; colours: of lines, of halos."""
     values = canvas.chart.figures[name]
     if np.sum(np.isfinite(values)) < 4 or inside is None:
-        return []
+        return
     unit, words = {"peak_to_valley": ("N", "force, peak to valley"), "period": ("s", "period")}[name]
     scale = scale_for(float(np.nanmedian(values)), unit)
     low, high = float(np.nanmin(values)) / scale.factor, float(np.nanmax(values)) / scale.factor
@@ -185,25 +205,24 @@ def _contours(canvas: _Canvas, inside: Path | None, name: str, colours: tuple[st
     levels = np.asarray(locator.tick_values(low, high))
     levels = levels[(levels > low) & (levels < high)]
     if not levels.size:
-        return []
+        return
     drawn = (canvas.x, canvas.y, values / scale.factor)
     lines = canvas.axes.contour(*drawn, levels=levels, linewidths=0.6, zorder=2, colors=colours[0])
     lines.set_clip_path(PathPatch(inside, transform=canvas.axes.transData))
     for label in canvas.axes.clabel(lines, fmt=lambda v: number(v, 3), fontsize=FONT - 1.5, inline=False):
         label.set_path_effects([withStroke(linewidth=2.5, foreground=colours[1])])
         label.set_visible(bool(inside.contains_point(label.get_position())))
-    colour = "0.7" if colours[0] == "white" else colours[0]
-    return [Line2D([], [], color=colour, lw=0.8, label=f"{words} ({scale.unit})")]
+    canvas.axes.set_title(f"lines: {words} ({scale.unit})", fontsize=FONT, fontweight="normal", pad=3)
 
 
-def _fall(figure: Figure, canvas: _Canvas) -> None:
-    """The fall of the force as colours."""
-    fall = canvas.chart.figures["peak_to_valley"]
-    if not np.any(np.isfinite(fall)):
+def _drop(figure: Figure, canvas: _Canvas) -> None:
+    """The drop of the force as colours."""
+    drop = canvas.chart.figures["peak_to_valley"]
+    if not np.any(np.isfinite(drop)):
         return
-    scale = scale_for(float(np.nanmedian(fall)), "N")
-    wide = float(np.nanmax(fall)) > POWERS * float(np.nanquantile(fall, 0.05)) > 0.0
-    drawn, norm = (canvas.x, canvas.y, fall / scale.factor), "log" if wide else None
+    scale = scale_for(float(np.nanmedian(drop)), "N")
+    wide = float(np.nanmax(drop)) > POWERS * float(np.nanquantile(drop, 0.05)) > 0.0
+    drawn, norm = (canvas.x, canvas.y, drop / scale.factor), "log" if wide else None
     mesh = canvas.axes.pcolormesh(*drawn, shading="nearest", cmap="cividis", norm=norm, zorder=1)
     mesh.set_rasterized(True)
     bar = figure.colorbar(mesh, ax=canvas.axes, pad=0.02, aspect=30)
@@ -222,7 +241,15 @@ def _tested(canvas: _Canvas, tested: Tested) -> Line2D:
             return Line2D([], [], ls="", label="extrapolated: nothing here was tested")
         spans.append(np.clip([low, high], values[0], values[-1]) / factor)
     (x0, x1), (y0, y1) = spans
-    canvas.axes.plot([x0, x1, x1, x0, x0], [y0, y0, y1, y1, y0], color=TESTED, lw=0.9, ls="-.", zorder=3.2)
+    canvas.axes.plot(
+        [x0, x1, x1, x0, x0],
+        [y0, y0, y1, y1, y0],
+        color=TESTED,
+        lw=0.9,
+        ls="-.",
+        zorder=3.2,
+        path_effects=[withStroke(linewidth=2.0, foreground="white")],
+    )
     return Line2D([], [], color=TESTED, lw=0.9, ls="-.", label="tested inside; beyond: extrapolated")
 
 
@@ -238,13 +265,13 @@ def _points(canvas: _Canvas, points: Sequence[tuple[float, float]]) -> list[Arti
     here, legend = np.array([plane.x.value, plane.y.value]), list[Artist]()
     rest = [p for p in map(np.array, dict.fromkeys(points)) if inside(p) and not np.allclose(p, here, 1e-9)]
     own = [here] if inside(here) else []
-    words = "operating point" if own else "operating point: beyond this map"
-    for at, shape, size, colours, label in ((rest, "o", 4, "wk", "other logs"), (own, "*", 9, "kw", words)):
+    words = f"operating point{' (o: other logs)' * bool(rest)}" if own else "operating point: beyond this map"
+    for at, shape, size, colours in ((rest, "o", 4, "wk"), (own, "*", 9, "kw")):
         shown = np.reshape(at, (-1, 2)) / canvas.factors
         legend += canvas.axes.plot(
-            *shown.T, shape, ms=size, mfc=colours[0], mec=colours[1], mew=0.7, label=label, zorder=5
+            *shown.T, shape, ms=size, mfc=colours[0], mec=colours[1], mew=0.7, label=words, zorder=5
         )
-    return legend if rest else legend[1:]
+    return legend[1:]
 
 
 def _over_one(answer: LineMap) -> Figure:
@@ -269,6 +296,9 @@ def _over_one(answer: LineMap) -> Figure:
         bottom, top = lower.get_ylim()
         _ticks_in_powers(lower.yaxis, top < NARROW * bottom)
         lower.set_ylabel(f"time ({time.unit})", fontsize=FONT + 0.5)
+        lower.legend(loc="best", fontsize=FONT - 1)
+    upper.legend(loc="best", fontsize=FONT - 1)
+    curves = len(lower.lines)
     changes = [(change.value / unit, STICKS, "end of stick-slip") for change in answer.ends]
     changes += [(change.value / unit, SLIDES, "sliding loses stability") for change in answer.losses]
     for axes in (upper, lower):
@@ -281,12 +311,8 @@ def _over_one(answer: LineMap) -> Figure:
         axes.set_xscale("log" if q.logarithmic else "linear")
         axes.set_xlim(x[0], x[-1])
     _quantity_axis(lower.xaxis, q, x[[0, -1]])
-    entries = {
-        label: handle
-        for axes in (upper, lower)
-        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
-    }
-    _legend(figure, list(entries.values()))
+    entries, names = lower.get_legend_handles_labels()
+    _legend(figure, list(dict(zip(names[curves:], entries[curves:], strict=True)).values()))
     return figure
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,13 +15,14 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
+from data_io.atomic import atomic_path, atomic_write
 from data_io.notebook_figure import NotebookFigure
 from identify.base import result as schema
 from identify.base.quantiles import LEVEL, chi_square
 from identify.base.result import CYCLE_COLUMNS, LogCurves, ParameterResult
 from identify.base.wording import DASH, decimals, number, quantity, scale_for
 from identify.report import style
-from identify.report.report_wording import plain_symbol, with_group
+from identify.report.report_wording import is_uneven, plain_symbol, with_group
 from identify.report.style import Columns, Drawing, extremes, frame, padded
 
 if TYPE_CHECKING:
@@ -33,37 +36,118 @@ MOST_MARKS, MOST_POINTS = 120, 600
 CLOSE = 3  # cycles in a close-up
 FEWEST_POINTS = 5  # of a profile that is a curve
 MOST_LOGS = 12  # in the picture of a preview
-PANELS = 3  # profiles in a row
+PANELS = {1: 2, 2: 4}  # in a row, by the columns of a paper that they take
 TOP = 1.6  # of the limit: the height of a profile
 RAW_COLOUR, UNUSED_COLOUR = "#d9b98c", "#f1ede4"
-DIVERGING = "PuOr"  # told apart by colour-blind readers
+# Figures of a whole fit: the method of `Fit` that draws it, what it shows, and what its reader has to know.
+LAWS = {
+    "friction_over_speed": (
+        "plot_friction",
+        "Kinetic coefficient over sliding speed, by eq. (6) with the fitted parameters.",
+        "Band: 95 %. Grey: the drive speeds of the logs.",
+    ),
+    "strength_over_rest": (
+        "plot_ageing",
+        "Static coefficient over the time at rest before a slip, by eqs. (3) and (5) with the fitted parameters.",
+        "Band: 95 %.",
+    ),
+    "intervals": (
+        "plot_parameters",
+        "95 % intervals of the parameters as deviations from their values.",
+        "Thin: errors of rig and sensors included. Thick: of noise alone, the rig taken as exact. An arrow: the "
+        "interval goes on, or is open.",
+    ),
+    "residual_histogram": (
+        "plot_residual_histogram",
+        "Residuals of all logs in standard deviations of their noise, as a density.",
+        "Line: the normal distribution.",
+    ),
+    "logs_together": (
+        "plot_logs",
+        "Measured friction over normal force of all logs, above the distance that the drive has moved.",
+        "As far as the shortest log goes.",
+    ),
+}
+DIVERGING = "PuOr"  # distinct to colour-blind readers
 
 
 def pictures(fit: Fit) -> Iterator[Drawing]:
-    """Every figure of the fit with its SVG, drawn one after the other so that only one is held open."""
+    """Every figure of the report with its SVG, drawn one after the other so that only one is held open: all but LAWS,
+    which take a tenth of the time of a fit and are drawn when somebody asks for them."""
     with style.drawing_style():
-        for drawing in _drawings(fit):
+        for drawing in (draw() for name, draw in available(fit).items() if name not in LAWS):
             assert drawing.figure is not None
             yield replace(drawing, svg=style.svg_text(drawing.figure), figure=None)
 
 
-def _drawings(fit: Fit) -> Iterator[Drawing]:
+def write_figures(fit: Fit, folder: Path) -> list[Path]:
+    """Write every figure at the width of one and of two columns of a paper as SVG, PDF and PNG (300 dpi), and
+    captions.txt, into a folder that is made where it is missing."""
+    folder.mkdir(parents=True, exist_ok=True)
+    files, captions = [], []
+    with style.drawing_style():
+        for name, draw in available(fit).items():
+            for columns in style.WIDTHS:
+                drawing = draw(columns=columns)
+                assert drawing.figure is not None
+                for form in style.FORMS:
+                    files.append(folder / f"{name}_{columns}_column.{form}")
+                    with atomic_path(files[-1]) as temporary:
+                        drawing.figure.savefig(temporary, format=form, dpi=style.DPI)
+            captions.append(f"{name}: {drawing.alt} {drawing.caption}".strip())
+    with atomic_write(folder / "captions.txt") as handle:
+        handle.write("\n\n".join(captions) + "\n")
+    return [*files, folder / "captions.txt"]
+
+
+def available(fit: Fit) -> dict[str, Callable[..., Drawing]]:
+    """Every figure of the fit by its name, drawn by a call inside `drawing_style`; `columns=1` or `2`: as wide as so
+    many columns of a paper, in place of the width it has in the report."""
+    figures: dict[str, Callable[..., Drawing]] = {}
     for position, curves in enumerate(fit.logs, start=1):
         if len(curves.time) > 1:
-            yield draw_force(curves, position, fit.converged)
+            figures[f"log_{position}_force"] = partial(draw_force, curves, position, fit.converged)
         if len(curves.cycles):
-            yield draw_cycles(curves, position, fit.converged)
+            figures[f"log_{position}_cycles"] = partial(draw_cycles, curves, position, fit.converged)
     result = fit.typed
     uneven = schema.UnevenResult.of(result)
     for cycles in uneven.uneven_cycles:
-        yield draw_uneven(cycles, uneven.strength_against_rest)
+        figures[f"log_{cycles.log}_uneven"] = partial(draw_uneven, cycles, uneven.strength_against_rest)
+    figures |= {name: partial(draw_law, fit, name) for name in _laws(fit)}
     if result.profile and any(len(curve.values) >= FEWEST_POINTS for curve in result.profile.parameters.values()):
-        yield draw_profiles(result.profile, result.parameters)
+        figures["profile"] = partial(draw_profiles, result.profile, result.parameters)
     if result.optima and sum(optimum.starts for optimum in result.optima) > 1:
-        yield draw_optima(result.optima, chi_square(LEVEL, len(result.optima[0].values)))
+        limit = chi_square(LEVEL, len(result.optima[0].values))
+        figures["optima"] = partial(draw_optima, result.optima, limit)
     if result.correlation is not None and len(result.correlation.names) > 1:
         names = [plain_symbol(with_group(name, result.parameters[name].group)) for name in result.correlation.names]
-        yield draw_correlation(names, np.array(result.correlation.matrix, dtype=np.float64))
+        matrix = np.array(result.correlation.matrix, dtype=np.float64)
+        figures["correlation"] = partial(draw_correlation, names, matrix)
+    return figures
+
+
+def _laws(fit: Fit) -> Iterator[str]:
+    """Those of LAWS that a fit has."""
+    result = fit.typed
+    if not fit.converged:
+        return
+    if any(entry.value and any(end is not None for end in entry.ends) for entry in result.parameters.values()):
+        yield "intervals"
+    if any(np.isfinite(curves.fitted_force).any() for curves in fit.logs):
+        yield "residual_histogram"
+    if len(fit.logs) > 1 and all(np.isfinite(curves.drive_speed) for curves in fit.logs):
+        yield "logs_together"
+    if fit.logs and not is_uneven(result) and all(entry.value for entry in result.parameters.values()):
+        laws = {"velocity_weakening": "friction_over_speed", "contact_ageing": "strength_over_rest"}
+        yield from (name for effect, name in laws.items() if effect in result.effects.names)
+
+
+def draw_law(fit: Fit, name: str, columns: int = 1) -> Drawing:
+    """One of LAWS."""
+    method, alt, caption = LAWS[name]
+    figure = Figure(figsize=(style.WIDTHS[columns], style.LAW_HEIGHT), layout="constrained")
+    getattr(fit, method)(axes=figure.add_subplot())
+    return Drawing(name, figure, alt, caption, wide=False)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -71,17 +155,18 @@ def _drawings(fit: Fit) -> Iterator[Drawing]:
 # ----------------------------------------------------------------------------------------------------------------------
 
 
-def draw_force(curves: LogCurves, position: int, accepted: bool) -> Drawing:
-    """The figure of log number `position` (from 1); `accepted`: whether the fit was."""
+def draw_force(curves: LogCurves, position: int, accepted: bool, columns: int = 2) -> Drawing:
+    """The figure of log number `position` (from 1), in one column its close-up; `accepted`: whether the fit was."""
     fitted, onsets = bool(np.isfinite(curves.fitted_force).any()), curves.cycles[:, 0]
     near = _close_up(curves.time, onsets)
-    spans = [slice(None)] if near == slice(None) else [slice(None), near]
+    spans = [near] if near == slice(None) or columns == 1 else [slice(None), near]
     heights = [3.0, 1.15, 0.75] if fitted else [3.0, 0.75]
-    height = 0.78 + 0.72 * sum(heights)
-    figure = NotebookFigure(figsize=(style.WIDE, height))
-    edges = {"left": 0.062, "right": 0.98, "top": 1 - 0.32 / height, "bottom": 0.46 / height}
+    width, height = style.WIDTHS[columns], 0.62 + 0.52 * sum(heights)
+    figure = NotebookFigure(figsize=(width, height))
+    edges = {"left": 0.58 / width, "right": 1 - 0.1 / width, "bottom": 0.38 / height}
+    edges["top"] = 1 - (0.24 if len(spans) > 1 else 0.08) / height
     ratios = {"height_ratios": heights, "width_ratios": [2.1, 1][: len(spans)]}
-    grid = figure.add_gridspec(len(heights), len(spans), **ratios, **edges, hspace=0.14, wspace=0.115)
+    grid = figure.add_gridspec(len(heights), len(spans), **ratios, **edges, hspace=0.14, wspace=0.13)
     signals = {"measured": curves.friction_force, "fitted": curves.fitted_force, "normal": curves.normal_force}
     signals["residual"] = curves.friction_force - curves.fitted_force
     if curves.raw_force is not None:
@@ -90,12 +175,15 @@ def draw_force(curves: LogCurves, position: int, accepted: bool) -> Drawing:
     for column, part in enumerate(spans):
         shown, time = {name: values[part] for name, values in signals.items()}, curves.time[part]
         axes = [figure.add_subplot(grid[row, column]) for row in range(len(heights))]
-        _force_column(axes, curves, time, shown, accepted, whole=not column)
+        title = ("whole log", "close-up")[column] if len(spans) > 1 else ""
+        _force_column(axes, curves, time, shown, accepted, title, first=not column)
         kept = np.unique(np.concatenate([extremes(shown[name], STRETCHES) for name in ("measured", "residual")]))
         drawn = {f"{n}_N": v[kept] for n, v in shown.items() if np.isfinite(v).any()}
         tables[f"log_{position}_force{'_closeup' * column}"] = {"time_s": time[kept], **drawn}
     what = "Measured and fitted friction force with residuals" if fitted else "Measured friction force with its cycles"
     caption = (
+        f"Drive speed {quantity(curves.drive_speed, 'm/s')}." if np.isfinite(curves.drive_speed) else "",
+        "Dashed: ± 2 SD of the noise." if fitted and np.isfinite(curves.noise) else "",
         "" if fitted else "No curve was fitted through this log; the marks are the cycles detected in the data.",
         "Behind the measured force: as it was read, before it was corrected." if "raw" in signals else "",
         "The fitted curve is the last iterate of a fit that was not accepted." if fitted and not accepted else "",
@@ -125,9 +213,16 @@ def _line(axes: Axes, time: Array, values: Array, colour: str, width: float, lab
 
 
 def _force_column(
-    axes: Sequence[Axes], curves: LogCurves, time: Array, shown: Mapping[str, Array], accepted: bool, whole: bool
+    axes: Sequence[Axes],
+    curves: LogCurves,
+    time: Array,
+    shown: Mapping[str, Array],
+    accepted: bool,
+    title: str,
+    first: bool,
 ) -> None:
-    """Force, residuals where there are any, and normal force of the whole or a part of a log, below each other."""
+    """Force, residuals where there are any, and normal force of the whole or a part of a log, below each other; the
+    first such column has labels and legend."""
     force, normal, fitted = axes[0], axes[-1], len(axes) == 3
     low, high = float(time[0]), float(time[-1])
     if "raw" in shown:
@@ -135,14 +230,14 @@ def _force_column(
     colour, width = (style.BEHIND, 2.4) if fitted else (style.MEASURED, 0.9)
     _line(force, time, shown["measured"], colour, width, "measured")
     if fitted:
-        _line(force, time, shown["fitted"], style.FITTED, 0.9, "fitted" if accepted else "last iterate (not accepted)")
+        _line(force, time, shown["fitted"], style.FITTED, 0.9, "fitted" if accepted else "last iterate")
         residual, noise = 1e3 * shown["residual"], 1e3 * curves.noise if np.isfinite(curves.noise) else 0.0
         _line(axes[1], time, residual, style.RESIDUAL, 0.6)
-        for level, label in ((-2 * noise, ""), (2 * noise, "± 2 SD of the noise")) if noise else ():
-            axes[1].axhline(level, color=style.MEASURED, linewidth=0.9, linestyle=(0, (4, 2)), zorder=3, label=label)
+        for level in (-2 * noise, 2 * noise) if noise else ():
+            axes[1].axhline(level, color=style.MEASURED, linewidth=0.9, linestyle=(0, (4, 2)), zorder=3)
         limit = 1.1 * max(float(np.nanmax(np.abs(residual), initial=0.0)), 3 * noise, 1e-9)
         axes[1].set_ylim(-limit, limit)
-        frame(axes[1], "", "residual (mN)" if whole else "")
+        frame(axes[1], "", "residual (mN)" if first else "")
     _line(normal, time, shown["normal"], style.QUIET, 0.6)
     levels = [shown[name] for name in ("measured", "raw") if name in shown]
     padded(force, np.concatenate(levels), above=0.16 if len(levels) == 1 else 0.26)
@@ -154,17 +249,14 @@ def _force_column(
             kept = inside[extremes(force_then[inside], MOST_MARKS // 2)]
             marks = force.plot(when[kept], force_then[kept], marker, color=colour, markersize=4.2, label=label)
             marks[0].set(markeredgecolor="white", markeredgewidth=0.4)
-    frame(force, "", "friction force (N)" if whole else "", "whole log" if whole else "close-up")
-    frame(normal, "time (s)", "Fₙ (N)" if whole else "")
-    if whole:
-        entries = [handle for panel in axes[:-1] for handle in panel.get_legend_handles_labels()[0]]
-        force.legend(
-            handles=entries, loc="upper right", ncols=5, handlelength=1.4, columnspacing=1.3, borderaxespad=0.1
-        )
+    frame(force, "", "friction force (N)" if first else "", title)
+    frame(normal, "time (s)", "Fₙ (N)" if first else "")
+    if first:
+        force.legend(loc="upper right", ncols=5)
     edges = np.flatnonzero(np.diff(np.concatenate([[True], curves.used, [True]]).astype(np.int8))).reshape(-1, 2)
     for panel, bins in zip(axes, (6, 4, 3) if fitted else (6, 3), strict=True):
         panel.set_xlim(low, high)
-        panel.locator_params(axis="x", nbins=8 if whole else 4)
+        panel.locator_params(axis="x", nbins=8 if title == "whole log" else 5)
         panel.locator_params(axis="y", nbins=bins)
         for first, last in edges if curves.used.any() else ():  # what does not count in the fit
             begin, end = max(curves.time[first], low), min(curves.time[min(last, len(curves.time) - 1)], high)
@@ -176,9 +268,9 @@ def draw_preview(preview: Preview) -> Figure:
     """One row per log with its detected cycles and the start trajectory: all of it, and a few cycles close up; at most
     12 logs."""
     logs = preview.logs[:MOST_LOGS]
-    figure = Figure(figsize=(style.WIDE, 0.7 + 2.1 * len(logs)), layout="constrained")
+    figure = Figure(figsize=(style.WIDTHS[2], 0.6 + 1.6 * len(logs)), layout="constrained")
     source = f"Nothing is fitted yet. The start: {preview.source}."
-    figure.suptitle(source, fontsize=9, weight="bold", x=0.008, ha="left")
+    figure.suptitle(source, fontsize=8, weight="bold", x=0.008, ha="left")
     grid = figure.subplots(len(logs), 2, squeeze=False, width_ratios=[1.7, 1])
     for row, log in zip(grid, logs, strict=True):
         measured = np.where(log.used, log.force, np.nan)
@@ -205,7 +297,7 @@ def draw_preview(preview: Preview) -> Figure:
 # ----------------------------------------------------------------------------------------------------------------------
 
 
-def draw_cycles(curves: LogCurves, position: int, accepted: bool = True) -> Drawing:
+def draw_cycles(curves: LogCurves, position: int, accepted: bool = True, columns: int = 2) -> Drawing:
     """Onset force, drop, period and misfit by cycle of log number `position` (from 1); it has at least one cycle.
 
     Args:
@@ -213,76 +305,81 @@ def draw_cycles(curves: LogCurves, position: int, accepted: bool = True) -> Draw
     """
     onset, _, peak, valley, misfit = curves.cycles.T
     count, scored, period = len(onset), bool(np.isfinite(misfit).any()), np.append(np.diff(onset), np.nan)
-    panels = [(peak, "N", "onset force", style.ONSET), (peak - valley, "N", "drop", style.ARREST)]
+    panels = [(peak, "N", "onset", style.ONSET), (peak - valley, "N", "drop", style.ARREST)]
     panels += [(period, "s", "period", style.SLIDING), (misfit, "", "misfit z", style.FITTED)]
     panels = [panel for panel in panels if np.isfinite(panel[0]).any()]
-    figure = Figure(figsize=(style.WIDE, 2.0))
-    grid = figure.add_gridspec(1, len(panels), left=0.045, right=0.992, top=0.86, bottom=0.215, wspace=0.24)
-    for column, (values, unit, name, colour) in enumerate(panels):
-        axes, finite = figure.add_subplot(grid[0, column]), values[np.isfinite(values)]
+    rows, width = -(-len(panels) // PANELS[columns]), style.WIDTHS[columns]
+    across = -(-len(panels) // rows)
+    figure = Figure(figsize=(width, 1.5 * rows))
+    edges = {"left": 0.36 / width, "right": 1 - 0.06 / width, "top": 1 - 0.13 / rows, "bottom": 0.24 / rows}
+    figure.subplots_adjust(**edges, hspace=0.42, wspace=0.45 * across / (width - 0.4 * across))
+    for place, (values, unit, name, colour) in enumerate(panels, 1):
+        axes, finite = figure.add_subplot(rows, across, place), values[np.isfinite(values)]
         scale = scale_for(float(np.median(finite)), unit)
         mean, spread = finite.mean() / scale.factor, finite.std(ddof=min(1, len(finite) - 1)) / scale.factor
         kept = extremes(values, MOST_POINTS // 2)
         axes.set_xlim(0, count + 1)
         axes.axhline(mean if unit else 0.0, color=style.QUIET, linewidth=0.8)
-        axes.plot(kept + 1, values[kept] / scale.factor, "o", color=colour, markersize=3.2, alpha=0.9)
+        axes.plot(kept + 1, values[kept] / scale.factor, "o", color=colour, markersize=2.6, alpha=0.9)
         least = 0.02 * abs(mean) if unit else 0.0  # scatter far below the level is shown as small, not blown up
         reach = max(least, spread), finite.min() / scale.factor, finite.max() / scale.factor
         padded(axes, np.array([mean - reach[0], mean + reach[0], *reach[1:]]))
         if unit:
             axes.axhspan(mean - spread, mean + spread, color=style.SHADE, linewidth=0)
-        frame(axes, "cycle", "", f"{name} ({scale.unit or '1'})")
+        axes.set_title(f"{name} ({scale.unit})" if scale.unit else name)
+        if place > len(panels) - across:
+            axes.set_xlabel("cycle")
         if unit and mean:
             note = f"SD {number(100 * spread / abs(mean), 2)} %"
-            axes.set_title(note, loc="right", fontweight="normal", color=style.QUIET, y=1.0, pad=5)
+            axes.set_title(note, loc="right", fontweight="normal", color=style.QUIET)
         axes.locator_params(axis="y", nbins=4)
         axes.locator_params(axis="x", nbins=6, integer=True)
     what = "of the motion as fitted" if accepted and scored else "as measured"
     score = " Misfit z: distance of a cycle's residual from pure noise, in its standard deviations." if scored else ""
-    columns = dict(zip(CYCLE_COLUMNS, curves.cycles.T, strict=True)) | {"drop_N": peak - valley, "period_s": period}
+    table = dict(zip(CYCLE_COLUMNS, curves.cycles.T, strict=True)) | {"drop_N": peak - valley, "period_s": period}
     return Drawing(
         name=f"log_{position}_cycles",
         figure=figure,
         alt=f"Onset force, drop, period and misfit of each of the {count} cycles of log {position}.",
         caption=f"Scatter from cycle to cycle {what}; line and band: mean ± SD. Scatter or a trend far above the noise "
         f"means that the friction itself changed.{score}",
-        tables={f"log_{position}_cycles": {"cycle": np.arange(1, count + 1), **columns}},
+        tables={f"log_{position}_cycles": {"cycle": np.arange(1, count + 1), **table}},
         log=position,
     )
 
 
-def draw_uneven(cycles: schema.UnevenCycles, curve: schema.StrengthCurve | None) -> Drawing:
+def draw_uneven(cycles: schema.UnevenCycles, curve: schema.StrengthCurve | None, columns: int = 2) -> Drawing:
     """A log that the estimator of uneven records took: onsets and the slow level along the record, and strength against
     rest."""
     names = ("cycle", "onset_s", "rest_s", "onset", "drop", "strength", "level")
     column = {name: np.array(getattr(cycles, name), dtype=np.float64) for name in names}
     time, onset, lowest = column["onset_s"], column["onset"], column["onset"] - column["drop"]
-    figure = Figure(figsize=(style.WIDE, 3.0))
-    grid = figure.add_gridspec(1, 2, width_ratios=(1.9, 1.0), left=0.06, right=0.992, top=0.9, bottom=0.16, wspace=0.18)
-    along, against = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[0, 1])
+    figure = Figure(figsize=(style.WIDTHS[columns], 2.2 if columns == 2 else 4.2), layout="constrained")
+    along, against = figure.subplots(3 - columns, columns, width_ratios=(1.9, 1.0)[:columns])
     along.vlines(time, lowest, onset, color=style.BEHIND, linewidth=0.8)
     along.plot(time, onset, "o", color=style.ONSET, markersize=3.4, label="onset")
     along.plot(time, lowest, "o", color=style.ARREST, markersize=2.6, label="arrest")
     along.plot(time, column["level"], color=style.FITTED, linewidth=1.1, label="slow level")
     padded(along, np.append(onset, lowest), above=0.12)
-    along.legend(loc="upper left", ncols=4)
-    frame(along, "time (s)", "", "friction over load")
+    along.legend(loc="upper left", ncols=3)
+    along.set(xlabel="time (s)", ylabel="friction / normal force")
     if curve is not None:
         against.fill_between(curve.rest_s, curve.lower, curve.upper, color=style.SHADE, linewidth=0)
-        against.plot(curve.rest_s, curve.strength, color=style.FITTED, label="usual strength, 95 % band")
+        against.plot(curve.rest_s, curve.strength, color=style.FITTED, label="usual strength")
         against.legend(loc="upper right")
     against.plot(column["rest_s"], column["strength"], "o", color=style.ONSET, markersize=3.2)
     against.margins(y=0.12)
     against.set_ylim(bottom=0.0)
     against.set_xlim(left=0.0)
-    frame(against, "rest before the slip (s)", "", "strength over load")
+    against.set(xlabel="rest before the slip (s)", ylabel="strength / normal force")
     return Drawing(
         name=f"log_{cycles.log}_uneven",
         figure=figure,
         alt=f"Onsets, arrests and slow level of the {time.size} cycles of log {cycles.log}, and their strengths "
         "against the rest before them.",
         caption="Left: friction over the load at onsets and arrests, and the slow level that the cycles follow. Right: "
-        "strength of every stick (onset above the slow level) against its rest. A stick is long because the spot was "
+        "strength of every stick (onset above the slow level) against its rest; line: usual strength with its 95 % "
+        "band. A stick is long because the spot was "
         "strong, so the points rise more steeply than the line.",
         tables={f"log_{cycles.log}_uneven": column},
         log=cycles.log,
@@ -309,16 +406,16 @@ def correlation_cells(axes: Axes, names: Sequence[str], matrix: Array) -> QuadMe
         text = decimals(float(value), 2) if np.isfinite(value) else DASH
         luminance = np.dot(np.power(image.to_rgba(np.array([value]))[0, :3], 2.2), (0.2126, 0.7152, 0.0722))
         colour = "white" if np.isfinite(value) and luminance < 0.18 else "black"
-        axes.text(column + 0.5, row + 0.5, text, ha="center", va="center", fontsize=8, color=colour)
+        axes.text(column + 0.5, row + 0.5, text, ha="center", va="center", fontsize=7, color=colour)
     return image
 
 
-def draw_correlation(names: Sequence[str], matrix: Array) -> Drawing:
+def draw_correlation(names: Sequence[str], matrix: Array, columns: int = 1) -> Drawing:
     """Heat map of the matrix (p, p) with the figures in its cells; NaN cells stay empty."""
     count = len(names)
-    figure = Figure(figsize=(style.HALF, 0.86 * max(2.6, min(style.HALF, 1.3 + 0.58 * count))), layout="constrained")
+    width = style.WIDTHS[columns]
+    figure = Figure(figsize=(width, min(0.86 * width, 1.0 + 0.34 * columns * count)), layout="constrained")
     axes = figure.add_subplot()
-    axes.set_title("correlation (1)")
     image = correlation_cells(axes, names, matrix)
     figure.colorbar(image, ax=axes, ticks=[-1, -0.5, 0, 0.5, 1], aspect=30).outline.set_visible(False)
     off = np.where(np.eye(count, dtype=bool) | ~np.isfinite(matrix), 0.0, matrix)
@@ -328,7 +425,7 @@ def draw_correlation(names: Sequence[str], matrix: Array) -> Drawing:
         name="correlation",
         figure=figure,
         alt=f"Correlation matrix of the estimated parameters: {strongest}",
-        caption=f"Correlation of the estimates; {strongest} Near ±1 a combination of the two is known better than "
+        caption="Near ±1 a combination of the two is known better than "
         "either; how well each is known alone, its interval gives.",
         wide=False,
         tables={"correlation": {"parameter": np.array(names), **{n: matrix[:, i] for i, n in enumerate(names)}}},
@@ -345,28 +442,29 @@ def profile_curve(axes: Axes, curve: schema.ProfileCurve, entry: ParameterResult
     fine, best = np.linspace(x[0], x[-1], 101), float(x[int(np.argmin(loss))])
     away = np.log(fine / best) if curve.logarithmic else (fine - best) * scale.factor
     parabola = (away / (curve.standard_error or np.nan)) ** 2
-    axes.plot(fine, parabola, color=style.QUIET, linewidth=0.9, linestyle="--", label="from the covariance")
-    axes.plot(x, loss, "o-", color=style.FITTED, markersize=3, label="profile")
+    axes.plot(fine, parabola, color=style.QUIET, linewidth=0.9, linestyle="--")
+    axes.plot(x, loss, "o-", color=style.FITTED, markersize=2.4)
     axes.axhline(limit, color=style.MEASURED, linewidth=0.7)
     axes.set_ylim(0.0, TOP * limit)
     axes.xaxis.set_major_locator(MaxNLocator(4))
     return f" ({scale.unit})" if scale.unit else ""
 
 
-def draw_profiles(profile: schema.ProfileResult, parameters: Mapping[str, ParameterResult]) -> Drawing:
+def draw_profiles(
+    profile: schema.ProfileResult, parameters: Mapping[str, ParameterResult], columns: int = 2
+) -> Drawing:
     """One panel per profile that has enough points to be a curve, of which there must be one."""
     curves = {name: curve for name, curve in profile.parameters.items() if len(curve.values) >= FEWEST_POINTS}
-    rows = -(-len(curves) // PANELS)
-    figure = Figure(figsize=(style.WIDE, 0.5 + 1.75 * rows), layout="constrained")
+    panels = min(PANELS[columns], -(-len(curves) // -(-len(curves) // PANELS[columns])))
+    rows = -(-len(curves) // panels)
+    figure = Figure(figsize=(style.WIDTHS[columns], 0.3 + 1.5 * rows), layout="constrained")
     tables: dict[str, Columns] = {}
     for place, (name, curve) in enumerate(curves.items()):
-        axes, entry = figure.add_subplot(rows, PANELS, place + 1), parameters.get(name) or ParameterResult(None)
+        axes, entry = figure.add_subplot(rows, panels, place + 1), parameters.get(name) or ParameterResult(None)
         unit = profile_curve(axes, curve, entry, profile.limit)
         axes.set_title(f"{plain_symbol(with_group(name, entry.group))}{unit}")
-        if place % PANELS == 0:
+        if place % panels == 0:
             axes.set_ylabel("loss of the data")
-        if place == 0:
-            axes.legend(loc="upper center")
         tables[f"profile_{name}"] = {"value": np.array(curve.values, float), "loss": np.array(curve.loss, float)}
     return Drawing(
         name="profile",
@@ -379,7 +477,7 @@ def draw_profiles(profile: schema.ProfileResult, parameters: Mapping[str, Parame
     )
 
 
-def draw_optima(optima: Sequence[schema.OptimumResult], limit: float) -> Drawing:
+def draw_optima(optima: Sequence[schema.OptimumResult], limit: float, columns: int = 1) -> Drawing:
     """Waterfall: how far each optimum lies above the lowest one, in the order of the starts that led there.
 
     limit: of the likelihood ratio, below which the data do not rule an optimum out.
@@ -387,7 +485,7 @@ def draw_optima(optima: Sequence[schema.OptimumResult], limit: float) -> Drawing
     ordered = sorted(optima, key=lambda optimum: optimum.cost)
     rise = np.repeat([o.cost - ordered[0].cost for o in ordered], [o.starts for o in ordered])
     starts = np.arange(1.0, rise.size + 1.0)
-    figure = Figure(figsize=(style.HALF, 2.2), layout="constrained")
+    figure = Figure(figsize=(style.WIDTHS[columns], style.LAW_HEIGHT), layout="constrained")
     axes = figure.add_subplot(xlabel="start, the best first", ylabel="χ² above the lowest")
     axes.plot(starts, rise, "o-", color=style.FITTED, markersize=4)
     axes.axhline(limit, color=style.MEASURED, linewidth=0.7)

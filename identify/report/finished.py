@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from data_io.spelling import Spelled, spelled
 from identify.base.document import Json, to_dict
 from identify.base.errors import FitError
 from identify.base.result import CYCLE_COLUMNS, LogCurves, Result, Status
@@ -37,12 +39,14 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 POINTS = 200  # of the curve of a law
+LEGEND = 5  # entries at most
+FOREST = 100.0  # per cent: longer intervals go on beyond the figure
 HISTOGRAM = 5  # standard deviations; residuals beyond are counted at its ends
 Quantity = float | str  # SI, or text with a unit
 
 
 @dataclass(frozen=True, repr=False)
-class Fit:
+class Fit(Spelled):
     """A finished identification; in a notebook it shows its first screen, elsewhere its summary.
 
     result: the document of result.json (names, units and verdicts as the interface promises);
@@ -54,7 +58,7 @@ class Fit:
 
     @staticmethod
     def from_json(path: str | Path) -> Fit:
-        """The fit that a result.json tells of; without curves, so without `cycles` and `plot`.
+        """The fit of a result.json; without curves, so without `cycles` and `plot`.
 
         Raises:
             FitError: no such file, or no result of a fit.
@@ -190,16 +194,27 @@ class Fit:
         return on
 
     def plot_logs(self, axes: Axes | None = None) -> Axes:
-        """Friction over normal force of all logs above the way of the drive [mm], each as far as the shortest goes."""
+        """Friction over normal force of all logs above the travel of the drive [mm], each as far as the shortest goes;
+        one colour for each drive speed."""
         curves = [self._curves(number) for number in range(1, len(self.logs or self.typed.logs) + 1)]
-        ways = [1e3 * abs(log.drive_speed) * (log.time - log.time[0]) for log in curves]
+        travels = [1e3 * abs(log.drive_speed) * (log.time - log.time[0]) for log in curves]
+        speeds = sorted(
+            {quantity_text(log.drive_speed, "m/s"): log.drive_speed for log in curves}.items(), key=itemgetter(1)
+        )
+        colours = {text: f"C{place}" for place, (text, _) in enumerate(speeds)}
+        named = {speeds[int(place)][0] for place in np.linspace(0, len(speeds) - 1, min(len(speeds), LEGEND))}
         with axes_of(axes) as on:
-            for log, way in zip(curves, ways, strict=True):
-                shown = way <= min(float(other[-1]) for other in ways)
-                label = f"{quantity_text(log.drive_speed, 'm/s')}"
-                on.plot(way[shown], (log.friction_force / log.normal_force)[shown], linewidth=0.8, label=label)
-            on.set(xlabel="way of the drive (mm)", ylabel="friction / normal force")
-            on.legend(loc="lower right", ncols=3, handlelength=1.2, bbox_to_anchor=(1.0, 1.0))
+            for log, travel in zip(curves, travels, strict=True):
+                shown, text = (
+                    travel <= min(float(other[-1]) for other in travels),
+                    quantity_text(log.drive_speed, "m/s"),
+                )
+                label = text if text in named else ""
+                named.discard(text)
+                share = (log.friction_force / log.normal_force)[shown]
+                on.plot(travel[shown], share, color=colours[text], linewidth=0.7, label=label)
+            on.set(xlabel="drive travel (mm)", ylabel="friction / normal force")
+            on.legend(loc="lower right", ncols=LEGEND, bbox_to_anchor=(1.0, 1.0))
         return on
 
     def plot_residuals(self, log: int = 1, axes: Axes | None = None) -> Axes:
@@ -226,19 +241,26 @@ class Fit:
         return on
 
     def plot_parameters(self, axes: Axes | None = None) -> Axes:
-        """Forest plot: all 95 % intervals as deviations from the values [%], those of noise alone thick."""
+        """Forest plot: all 95 % intervals as deviations from the values [%], those of noise alone thick; an arrow where
+        one goes on or is open."""
         frame = self.parameters
-        bounded = frame[frame["value"] != 0.0].dropna(subset=["value", "lower", "upper"])
-        if bounded.empty:
-            raise FitError("no parameter of this fit has an interval with two ends; plot_forces shows what was fitted")
+        known = frame[frame["value"].notna() & (frame["value"] != 0.0) & frame[["lower", "upper"]].notna().any(axis=1)]
+        if known.empty:
+            raise FitError("no parameter of this fit has an interval; plot_forces shows what was fitted")
+        ends = known[["lower", "upper", "lower_rig_exact", "upper_rig_exact"]].fillna(
+            {"lower": -np.inf, "upper": np.inf}
+        )
+        off, rows = 100.0 * (ends.div(known["value"], axis=0).to_numpy() - 1.0), np.arange(len(known))
+        reach = min(FOREST, 1.1 * float(np.max(np.abs(off[np.isfinite(off)]))))
+        shown = off.clip(-reach, reach)
         with axes_of(axes) as on:
-            for ends, width, colour in (("", 1.0, QUIET), ("_rig_exact", 3.5, FITTED)):
-                low, high = (100.0 * (bounded[f"{end}{ends}"] / bounded["value"] - 1.0) for end in ("lower", "upper"))
-                on.hlines(range(len(bounded)), low, high, color=colour, linewidth=width)
-            on.plot(np.zeros(len(bounded)), range(len(bounded)), "o", color=MEASURED, markersize=3.5)
-            on.set_yticks(range(len(bounded)), [plain_symbol(name) for name in bounded.index])
-            on.invert_yaxis()
-            on.set(xlabel="deviation from the value (%)", ylabel="")
+            on.hlines(rows, shown[:, 0], shown[:, 1], color=QUIET, linewidth=1.0)
+            on.hlines(rows, shown[:, 2], shown[:, 3], color=FITTED, linewidth=3.0)
+            for row, column in zip(*np.nonzero(np.abs(off[:, :2]) > reach), strict=True):
+                on.plot(shown[row, column], row, "<" if off[row, column] < 0.0 else ">", color=QUIET, clip_on=False)
+            on.plot(np.zeros(len(rows)), rows, "o", color=MEASURED, markersize=3.0)
+            on.set_yticks(rows, [plain_symbol(name) for name in known.index])
+            on.set(xlim=(-reach, reach), ylim=(len(rows) - 0.5, -0.5), xlabel="deviation from the value (%)", ylabel="")
         return on
 
     def plot_correlation(self, axes: Axes | None = None) -> Axes:
@@ -333,6 +355,7 @@ class Fit:
             on.xaxis.set_major_formatter("{x:g}")  # the style of the report takes no formulas
         return on
 
+    @spelled
     def predict(
         self, *, drive_speed: Quantity | None = None, normal_force: Quantity | None = None, log: int = 1
     ) -> Prediction:
@@ -351,6 +374,7 @@ class Fit:
         load = site.normal_force if normal_force is None else quantity(normal_force, "N", "normal_force")
         return Prediction(predict(site.model, site.values, speed, load, pair.covariance, pair.names))
 
+    @spelled
     def simulate(
         self,
         duration: Quantity,
@@ -366,7 +390,7 @@ class Fit:
         """The scene with the estimates as values, and the rig, drive speed and mean load of a log (from 1).
 
         Raises:
-            FitError: no such log, no values to use, or the logs tell nothing of that log's group.
+            FitError: no such log, no values to use, or no log of that log's group took part.
         """
         self._check_log(log)
         result = self.typed
@@ -394,6 +418,17 @@ class Fit:
         """
         return write_report(self, Path(folder))[-1]
 
+    def save_figures(self, folder: str | Path) -> list[Path]:
+        """Write every figure of the fit into a folder, made where needed: SVG, PDF and PNG (300 dpi) as wide as one and
+        as two columns of a paper, and captions.txt.
+
+        Returns:
+            the paths of the files.
+        """
+        from identify.report.figures import write_figures
+
+        return write_figures(self, Path(folder))
+
     def _curves(self, log: int) -> LogCurves:
         if not self.logs:
             raise FitError(
@@ -409,7 +444,7 @@ class Fit:
 
 
 @dataclass(frozen=True, repr=False)
-class Prediction:
+class Prediction(Spelled):
     """Stability and amplitude at one operating point; shows itself in words.
 
     document: as `stickslip stability --json` has it, every number with unit, interval and validity.

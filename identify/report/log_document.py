@@ -82,7 +82,7 @@ def of_log(number: int, log: Prepared, findings: Findings) -> tuple[Array, Array
                 order[i] = free.size + share.place
                 verdicts[names[index]] = next(e.verdict for other, e in sure.of_groups if other == share)
         covariance = sure.allowed.joint[np.ix_(order, order)].copy()
-    # What these data do not tell has no variance to carry on: the curvature at one point says nothing of it.
+    # What is not identifiable has no variance to carry on: the curvature at one point says nothing of it.
     open_ = np.array([verdicts.get(names[index]) == "not identifiable" for index in free.tolist()], dtype=bool)
     covariance[open_, open_] = np.inf
     return theta, covariance

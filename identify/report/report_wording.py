@@ -50,7 +50,7 @@ ANSWER_WORDS: Mapping[str, str] = {
     "drop": "drop of the force (onset to rest)",
     "critical_speed": "stick-slip ends above",
 }
-# What a record alone tells has another measure than the model's answer of the same name: peak and valley of the force
+# What is read from a record has another measure than the model's answer of the same name: peak and valley of the force
 # lie beyond the forces at which the mass begins to slip and rests again.
 RECORD_WORDS: Mapping[str, str] = {
     "drop": "fall of the force (peak to valley)",

@@ -1,4 +1,4 @@
-"""One look for all figures: colours that colour-blind readers can tell apart, quiet axes, no pyplot."""
+"""One look for all figures: colours distinct to colour-blind readers, quiet axes, no pyplot."""
 
 from __future__ import annotations
 
@@ -23,22 +23,25 @@ Columns = Mapping[str, NDArray[np.generic]]  # columns of equal length by name
 MEASURED, BEHIND, FITTED, RESIDUAL = "#3f4750", "#a3aeb8", "#D55E00", "#56B4E9"
 ONSET, ARREST, SLIDING = "#009E73", "#CC79A7", "#0072B2"
 SHADE, QUIET = "#e9edf1", "#7a858f"
-WIDE, HALF = 10.2, 5.05  # figure widths [inch]: the whole page and half of it
-COLUMN, TWO_COLUMNS = (3.5, 2.6), (7.1, 3.0)  # [inch]: one column of a journal, and both
+WIDTHS = {1: 3.4, 2: 7.1}  # of figures [inch], by the columns of a paper that they take
+LAW_HEIGHT = 2.4  # of one pair of axes [inch]
+FORMS, DPI = ("svg", "pdf", "png"), 300
+LABEL = 0.42  # between the axes and the middle of their y label [inch]
 LONGEST = 60  # characters of a name of a log in a picture
 TEXT, EDGE, TICK = "#2b333b", "#a9b3bc", "#56616b"
 STYLE: dict[str, object] = {
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans"],
-    "font.size": 8.5,
-    "axes.titlesize": 9, "axes.titlelocation": "left", "axes.titleweight": "bold", "axes.titlecolor": TEXT,
-    "axes.labelsize": 8.5, "axes.labelcolor": TEXT, "axes.edgecolor": EDGE, "axes.linewidth": 0.7,
+    "font.size": 7.5,
+    "axes.titlesize": 7.5, "axes.titlelocation": "left", "axes.titleweight": "bold", "axes.titlecolor": TEXT,
+    "axes.labelsize": 7.5, "axes.labelcolor": TEXT, "axes.edgecolor": EDGE, "axes.linewidth": 0.7,
     "axes.spines.top": False, "axes.spines.right": False, "axes.formatter.useoffset": False,
     **{f"{axis}tick.{key}": value for axis in "xy" for key, value in
-       {"color": TICK, "labelsize": 8, "major.width": 0.7, "major.size": 3}.items()},
+       {"color": TICK, "labelsize": 7, "major.width": 0.7, "major.size": 3}.items()},
     "axes.prop_cycle": f"cycler('color', {[SLIDING, FITTED, ONSET, ARREST, RESIDUAL, MEASURED]})",
     "axes.grid": True, "grid.color": "#e4e8ec", "grid.linewidth": 0.6, "axes.axisbelow": True,
-    "legend.frameon": False, "legend.fontsize": 8, "lines.linewidth": 1.1, "lines.solid_joinstyle": "round",
+    "legend.frameon": False, "legend.fontsize": 7, "legend.handlelength": 1.2, "legend.columnspacing": 1.0,
+    "legend.borderaxespad": 0.1, "lines.linewidth": 1.1, "lines.solid_joinstyle": "round",
     "path.simplify": True, "path.simplify_threshold": 0.2, "svg.fonttype": "none", "svg.hashsalt": "stickslip",
     "text.parse_math": False, "figure.facecolor": "white", "savefig.facecolor": "white",
 }  # fmt: skip
@@ -80,7 +83,7 @@ def axes_of(axes: Axes | None) -> Iterator[Axes]:
     from matplotlib.figure import Figure
 
     with drawing_style():
-        yield axes if axes is not None else Figure(figsize=COLUMN, layout="constrained").add_subplot()
+        yield axes if axes is not None else Figure(figsize=(WIDTHS[1], LAW_HEIGHT), layout="constrained").add_subplot()
 
 
 def extremes(values: Array, stretches: int) -> NDArray[np.intp]:
@@ -97,18 +100,18 @@ def extremes(values: Array, stretches: int) -> NDArray[np.intp]:
     return np.unique([rows[at, np.argmin(values[rows], axis=1)], rows[at, np.argmax(values[rows], axis=1)]])
 
 
-def frame(axes: Axes, x: str, y: str, title: str = "", gap: float = 0.46) -> None:
+def frame(axes: Axes, x: str, y: str, title: str = "") -> None:
     """Axis labels with units and a title, at fixed places: aligned between panels, and matplotlib need not measure.
 
-    An empty x hides the tick labels of a shared time axis; gap [inch] lies between the panel and its y label.
+    An empty x hides the tick labels of a shared time axis.
     """
     figure = axes.get_figure(root=True)
     assert figure is not None
     box, (width, height), inches = axes.get_position(), figure.get_size_inches(), figure.dpi_scale_trans
     axes.set_ylabel(y, linespacing=1.05)
-    axes.yaxis.set_label_coords(box.x0 * width - gap, (box.y0 + box.y1) / 2 * height, transform=inches)
+    axes.yaxis.set_label_coords(box.x0 * width - LABEL, (box.y0 + box.y1) / 2 * height, transform=inches)
     axes.set_xlabel(x)
-    axes.xaxis.set_label_coords((box.x0 + box.x1) / 2 * width, box.y0 * height - 0.24, transform=inches)
+    axes.xaxis.set_label_coords((box.x0 + box.x1) / 2 * width, box.y0 * height - 0.21, transform=inches)
     axes.tick_params(labelbottom=bool(x))
     if title:
         axes.set_title(title, y=1.0, pad=5)

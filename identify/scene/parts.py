@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 from data_io.quality import Thresholds
+from data_io.spelling import nearest
 from data_io.values import LogError
 from identify.base.budget import DEFAULT_TIME_LIMIT
 from identify.base.errors import SceneError
@@ -26,7 +27,6 @@ from identify.scene.tables import (
     TIED,
     Key,
     TomlTable,
-    nearest,
     part,
     share,
     text,

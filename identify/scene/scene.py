@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -11,6 +12,7 @@ from typing import Literal
 
 from data_io.contents import log_is_at
 from data_io.quality import DEFAULTS, Thresholds
+from data_io.spelling import Spelled
 from identify.base.budget import DEFAULT_TIME_LIMIT
 from identify.base.errors import SceneError
 from identify.base.wording import DASH, quantity, wrapped
@@ -23,11 +25,12 @@ from identify.scene.toml import Tables, question_bare_numbers, read_toml, with_r
 from identify.scene.values import EACH_LOG, Contact, DriveSpeed, Initial, LogEntry, ParameterSpec, Rig
 
 RIG_UNITS = {"mass": "kg", "stiffness": "N/m", "damping": "N/m", "normal_force": "N"}
+SHOWN = 12  # logs on a screen
 LOAD_LAW = "load law"  # role of the effects whose range is one of normal force
 
 
 @dataclass(frozen=True)
-class Scene:
+class Scene(Spelled):
     """What is fitted or simulated. Every parameter of the model but those of the rig has its `ParameterSpec`.
 
     A rig quantity (mass, stiffness, damping) stands in `parameters` only if it is to be estimated. While the effects
@@ -74,8 +77,12 @@ class Scene:
             f"rig: {', '.join(f'{name} {text}' for name, text in rig if text != DASH)}",
             f"parameters stated: {', '.join(stated) or 'none'}",
         ]
-        lines += [f"log {place}: {entry.path.name}" for place, entry in enumerate(self.logs, 1)]
+        lines += [f"log {place}: {entry.path.name}" for place, entry in enumerate(self.logs[:SHOWN], 1)]
+        lines += [f"and {len(self.logs) - SHOWN} more logs"] if len(self.logs) > SHOWN else []
         return "\n".join(wrapped(line) for line in lines)
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{html.escape(repr(self))}</pre>"
 
     @staticmethod
     def from_toml(path: str | Path, overrides: Sequence[str] = ()) -> Scene:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -11,20 +10,14 @@ from itertools import pairwise
 from pathlib import PurePath
 from typing import Any
 
+from data_io.spelling import nearest
 from data_io.units import UnitError, parse_quantity
 from data_io.values import SIZES
 from identify.base.errors import SceneError
 from identify.model.composition import FORCE_SENSORS
 
-LONGEST_WORD = 60  # characters of a word that are compared with known ones
 LARGEST = 1e18  # of an SI unit, and its inverse the least: no rig has it, and what is made of several is a number still
 Reader = Callable[[Any, str, str], Any]  # (value, SI unit, place in a sentence) -> what the scene takes, or SceneError
-
-
-def nearest(word: str, known: Iterable[str]) -> str:
-    """The known word that looks most like this one."""
-    start = word[:LONGEST_WORD].lower()
-    return max(known, key=lambda name: difflib.SequenceMatcher(None, start, name.lower()).ratio())
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from data_io.spelling import Spelled
 from identify.base.errors import FitError
 from identify.shooting.passes import ORDER, Solved
 
@@ -103,7 +104,7 @@ def accuracy_costs(solved: Solved, size: Array, taken: Accuracy, first: int) -> 
 
 
 @dataclass(frozen=True)
-class FitOptions:
+class FitOptions(Spelled):
     """accuracy: of the integration; profile: every parameter by its profile likelihood; bootstrap: replicates, 0 for
     none; accuracy_table: what each level costs, with the errors of every parameter."""
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from data_io.spelling import spelled
 from identify.base.errors import SimulationError
 from identify.model.model import ELONGATION, Model
 from identify.scene.tables import quantity
@@ -96,6 +97,7 @@ def run(
     return made(plan(scale, stepping))
 
 
+@spelled
 def simulate(
     scene: Scene,
     duration: float | str,

@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from data_io.spelling import Spelled
 from identify.base.compiled import Mapped
 from identify.base.errors import SimulationError
 from identify.model.model import Model
@@ -122,7 +123,7 @@ class Achieved:
 
 
 @dataclass(frozen=True, repr=False)
-class Trajectory:
+class Trajectory(Spelled):
     """A simulated motion: its phases in order, and everything that can be sampled from them.
 
     `duration` [s] counts from the start of the simulation; all quantities are SI. `accuracy` was asked for. second:

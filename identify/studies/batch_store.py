@@ -101,7 +101,7 @@ class End:
 
     @staticmethod
     def of(document: Document) -> End:
-        """The end that a job.json tells of."""
+        """The end that a job.json states."""
         timing, limited = document.get("timing_s") or {}, document.get("limited", False)
         return End(document["status"], document["message"], document.get("detail"), timing, limited)
 

@@ -26,7 +26,7 @@ from identify.report.report_page import svg_element, templates
 from identify.report.report_tables import value_text
 from identify.report.report_wording import MEANINGS, VERDICT_MARK, plain_symbol
 from identify.report.stored_result import as_json
-from identify.report.style import drawing_style, printable, svg_text
+from identify.report.style import WIDTHS, drawing_style, printable, svg_text
 from identify.studies import compare as comparing
 from identify.studies.compare import PAGE, Comparison, FitEntry, PooledQuantity
 from identify.studies.pooled import DIFFERENT, NOT_DISTINGUISHED, NOT_TESTED, Difference
@@ -197,17 +197,19 @@ def forest(comparison: Comparison, entry: comparing.PooledQuantity) -> Markup:
     means = np.array([q.shown(pooled.mean_of(group).value) for group in groups]) / unit.factor
     span = FAR * max(float(np.ptp(np.append(fits, means))), 0.1 * float(np.max(np.abs(means))))
     with drawing_style():
-        figure = Figure(figsize=(5.0, 0.9 + 0.34 * len(groups)), layout="constrained")
+        figure = Figure(figsize=(WIDTHS[1], 0.6 + 0.25 * len(groups)), layout="constrained")
         axes = figure.add_subplot()
         for place, (group, value) in enumerate(zip(groups, means, strict=True)):
             mean, y = pooled.mean_of(group), -place
             colour = COLOURS[comparison.groups.index(group) % len(COLOURS)]
             own = fits[of == group]
-            axes.plot(own, np.full(len(own), y - 0.3), "|", color=colour, alpha=0.55, markersize=5)
+            axes.plot(own, np.full(len(own), y - 0.3), "|", color=colour, alpha=0.55, markersize=4)
             if mean.interval is not None:
                 ends = np.clip([q.shown(v) / unit.factor for v in mean.interval], value - span, value + span)
-                axes.plot(ends, [y, y], color=colour, linewidth=2.4)
-            axes.plot([value], [y], "o", color=colour, markerfacecolor=colour if mean.interval else "white")
+                axes.plot(ends, [y, y], color=colour, linewidth=1.8)
+            axes.plot(
+                [value], [y], "o", color=colour, markersize=4, markerfacecolor=colour if mean.interval else "white"
+            )
         axes.set_yticks([-k for k in range(len(groups))], [printable(visible(g, NAME)) for g in groups])
         axes.set_ylim(-len(groups) + 0.4, 0.5)
         axes.set_xlabel(f"{plain_symbol(q.name)}{f' ({unit.unit})' if unit.unit else ''}")

@@ -1,6 +1,8 @@
 """A fit in Python: what it shows of itself, its tables, its predictions, and the door `identify`."""
 
 import json
+import pickle
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -9,7 +11,10 @@ import numpy as np
 import pytest
 
 import identify
-from identify import Fit, FitError, Scene, SceneError, simulate
+from data_io import read_log
+from identify import Fit, FitError, FitOptions, Scene, SceneError, simulate
+from identify.report import style
+from identify.report.figures import available
 from identify.report.stored_result import as_json
 from tests.support.fake_fit import EFFECTS, RIG, TRUTH, failed, fit_of_a_scene
 
@@ -132,6 +137,40 @@ def test_a_motion_is_a_table_and_a_picture():
     assert motion.plot().axes[0].get_ylabel() == "friction force (N)"
     with pytest.raises(SceneError, match="drive speed"):
         simulate(scene, "2 s", drive="3 kg")
+
+
+@pytest.mark.parametrize(
+    ("call", "nearest"),
+    [
+        (lambda fit: identify.fit("pair.toml", timelimit=3), "time_limit"),
+        (lambda fit: read_log("slow.csv", colums={}), "columns"),
+        (lambda fit: FitOptions(profil=True), "profile"),
+        (lambda fit: fit.predict(drivespeed=1), "drive_speed"),
+        (lambda fit: fit.plot_force(), "plot_forces"),
+        (lambda fit: fit.scene(1).tolerance, "tolerances"),
+    ],
+)
+def test_a_misspelt_name_is_answered_by_the_nearest(fit, call, nearest):
+    with pytest.raises((TypeError, AttributeError), match=f"did you mean '{nearest}'"):
+        call(fit)
+    assert not hasattr(fit, "_ipython_display_") and pickle.loads(pickle.dumps(fit)).result == fit.result
+
+
+def test_figures_for_a_paper_have_its_widths_and_captions(fit, tmp_path):
+    """In SVG points: 3.4 and 7.1 inch; no letter below 6 points, at most five entries in a legend."""
+    files = {path.name: path for path in fit.save_figures(tmp_path)}
+    captions = files.pop("captions.txt").read_text(encoding="utf-8").split("\n\n")
+    assert len(files) == 6 * len(captions) and any(text.startswith("friction_over_speed: Kinetic") for text in captions)
+    for columns, width in ((1, 3.4), (2, 7.1)):
+        text = files[f"log_1_force_{columns}_column.svg"].read_text(encoding="utf-8")
+        assert float(re.search(r'width="([\d.]+)pt"', text)[1]) == pytest.approx(72 * width, rel=1e-3)
+        assert min(float(size) for size in re.findall(r"font: (?:\w+ )?([\d.]+)px", text)) >= 6.0
+        head = files[f"log_1_force_{columns}_column.png"].read_bytes()[16:20]
+        assert int.from_bytes(head, "big") == pytest.approx(300 * width, abs=1)
+    with style.drawing_style():
+        figures = [draw(columns=1).figure for draw in available(fit).values()]
+    legends = [axes.get_legend() for figure in figures for axes in figure.axes]
+    assert max(len(legend.get_texts()) for legend in legends if legend) <= 5
 
 
 def test_the_door_lists_what_is_public_and_opens_quickly():

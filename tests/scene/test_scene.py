@@ -2,6 +2,8 @@
 
 import json
 import math
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -48,6 +50,23 @@ def scene_file(tmp_path):
         return path
 
     return write
+
+
+def test_a_scene_is_printed_on_a_screen():
+    scene = Scene.from_document(
+        {
+            "name": "pair",
+            "effects": ["inertia", "hysteresis_damping"],
+            "rig": {"mass": "0.2 kg", "stiffness": "1470 N/m", "zeta": 0.05, "drive_speed": "1 mm/s"},
+            "parameters": {"mu_s": {"fixed": 0.6}},
+        }
+    )
+    text = repr(scene)
+    assert "rig: mass 0.2\xa0kg, stiffness 1470\xa0N/m, damping 147\xa0N/m" in text and "mu_s fixed" in text
+    assert text.startswith("Scene pair: inertia, hysteresis_damping\n") and len(text.splitlines()) < 10
+    many = replace(scene, name="<b>", logs=tuple(LogEntry(Path(f"<i>{k}.csv"), drive_speed=1e-3) for k in range(200)))
+    assert len(repr(many).splitlines()) < 20 and "and 188 more logs" in repr(many)
+    assert "&lt;b&gt;" in many._repr_html_() and not re.search("<[bi]>", many._repr_html_())
 
 
 def test_quantities_arrive_in_si(scene_file):

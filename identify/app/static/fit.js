@@ -1,7 +1,7 @@
 // Fits: start one, see how far it is, look into its result, hold two against each other.
 import { address, button, choice, curves, duration, element, fileAddress, get, labelled, link, plain, post, put, refill, remember, say, shownTable, style, table } from "./base.js";
 import { start, whenEnded } from "./jobs.js";
-import { line, mark, picture, shade, TimeView } from "./plots.js";
+import { shade, TimeView } from "./plots.js";
 
 /** The accuracies with what they cost and leave, of the last fit of this scene where it says so. */
 function accuracies(seen) {
@@ -55,26 +55,6 @@ function residualView(host, path, seen, session) {
 const unevenView = (host, { headline, not_for, spread }) => put(host, element("p", {}, element("strong", {}, headline), ` ${not_for}`),
   table(["", { number: "median (95 % interval)" }, { number: "nine of ten cycles" }], spread.map(([name, median, range]) => [name, { number: median }, { number: range }]), { id: "spread", class: "cards" }));
 
-/** Intervals of all estimated parameters beside each other, as deviations from their values. */
-function relative(host, parameters, symbols) {
-  const rows = Object.entries(parameters).filter(([, p]) => p.value && (p.interval ?? []).some((end) => end !== null));
-  if (!rows.length) return;
-  const off = (p, end) => 100 * (end / p.value - 1), reach = Math.min(100, Math.max(5, ...rows.flatMap(([, p]) => p.interval.filter((end) => end !== null).map((end) => Math.abs(off(p, end))))));
-  const place = element("div", { id: "intervals" });
-  put(host, place, element("p", { class: "quiet" }, "Intervals of 95 % as deviations from the value; thick: with the rig taken as exact; an arrow: it goes on, or is open."));
-  picture(place, { height: 60 + 26 * rows.length, x: { label: "deviation from the value (%)", range: [-1.4 * reach, 1.1 * reach] }, y: { label: "", range: [rows.length - 0.5, -0.9], names: true },
-    draw: (context, x, y) => rows.forEach(([name, p], i) => {
-      for (const [ends, width] of [[p.interval, 1.5], [p.interval_rig_exact, 5]]) {
-        if (!ends) continue;
-        const [low, high] = ends.map((end, side) => end === null ? (side ? 1 : -1) * 2 * reach : off(p, end));
-        line(context, [low, high], [i, i], x, y, style("--model"), { width });
-      }
-      mark(context, x(0), y(i), style("--ink"), "circle", 4);
-      if (off(p, p.interval[1] ?? Infinity) > 1.1 * reach) context.fillText("→", x(1.05 * reach), y(i) - 5);
-      context.fillStyle = style("--ink"); context.font = "13px system-ui"; context.textAlign = "left"; context.textBaseline = "middle"; context.fillText(symbols[name] ?? name, x(-1.39 * reach) + 4, y(i));
-    }) });
-}
-
 async function result(host, path, second, session) {
   const seen = await get("fit", { path }), two = second ? await get("fit", { path: second }) : null;
   const others = session.folder.fits.map((fit) => fit.path).filter((other) => other !== path);
@@ -88,7 +68,6 @@ async function result(host, path, second, session) {
       element("small", {}, "Files: ", seen.files.map((name) => [element("a", { href: fileAddress(`${path}/${name}`, true) }, name), " "]))));
   if (seen.uneven) unevenView(host, seen.uneven);
   put(host, parameters(seen, two, second));
-  if (!fitless) relative(host, seen.parameters, seen.symbols);
   put(host, element("details", {}, element("summary", {}, "Accuracy and computing time"), element("p", { id: "price" }, seen.accuracy_line ? `${seen.accuracy_line}.` : seen.timing_s?.total ? `It took ${plain(seen.timing_s.total, 2)} s.` : "")));
   const close = residualView(host, path, seen, session);
   const entries = seen.logs.filter((log) => log.left_out || log.text);
@@ -96,14 +75,15 @@ async function result(host, path, second, session) {
   if (seen.search?.length) put(host, element("details", {}, element("summary", {}, `Attempts of the search (${seen.search.length})`), table(["strategy", "status", { number: "misfit" }, { number: "seconds" }],
     seen.search.map((step) => [step.strategy, (step.status ?? "").replaceAll("_", " "), { number: plain(step.cost) }, { number: plain(step.seconds, 2) }])), seen.not_tried?.length ? element("p", {}, `No time for: ${seen.not_tried.map((name) => name.strategy ?? name).join(", ")}`) : null));
   if (seen.effects.length) put(host, element("details", {}, element("summary", {}, "Tests of the effects"), element("ul", {}, seen.effects.map((reason) => element("li", {}, `${reason.effect}: ${reason.sentence}`)))));
-  const figure = (from, words, files) => element("figure", {}, element("img", { src: from, alt: words, loading: "lazy" }), element("figcaption", {}, words, ": ", files.map((file) => typeof file === "string" ? file : [element("a", { href: file[1], download: true }, file[0]), " "])));
-  const shots = seen.drawn.map(([kind, words]) => {
-    const as = (form, columns = 1) => `api/picture?${new URLSearchParams({ path, kind, form, columns })}`, forms = ["svg", "pdf", "png"];
-    return figure(as("svg"), words, [...forms.map((form) => [form, as(form)]), "two columns wide: ", ...forms.map((form) => [form, as(form, 2)])]);
-  });
-  const files = seen.figures.map((name) => figure(fileAddress(`${path}/figures/${name}`), name.replace(/\.svg$/, "").replaceAll("_", " "), [["svg", fileAddress(`${path}/figures/${name}`, true)]]));
-  if (shots.length) put(host, element("h3", {}, "Residuals and laws"), element("div", { class: "pictures three" }, shots));
-  if (files.length) put(host, element("details", { open: Boolean(seen.uneven) }, element("summary", {}, `Pictures of the report (${files.length})`), element("div", { class: "pictures" }, files)));
+  const figure = (name) => {
+    const words = name.replaceAll("_", " "), as = (form, columns) => `api/picture?${new URLSearchParams({ path, name, form, columns })}`;
+    const forms = (columns) => ["svg", "pdf", "png"].map((form) => [element("a", { href: as(form, columns), download: `${name}_${columns}_column.${form}` }, form), " "]);
+    return element("figure", {}, element("img", { src: as("svg", 1), alt: words, loading: "lazy" }), element("figcaption", {}, words, ": ", forms(1), "two columns wide: ", forms(2)));
+  };
+  const shots = (of) => element("div", { class: "pictures three" }, of.map(figure)), own = seen.figures.filter((name) => name.startsWith("log_"));
+  const rest = seen.figures.filter((name) => !own.includes(name));
+  if (rest.length) put(host, element("h3", {}, "Intervals, laws, residuals"), shots(rest));
+  if (own.length) put(host, element("details", { open: Boolean(seen.uneven) }, element("summary", {}, `Pictures of each log (${own.length})`), shots(own)));
   put(host, element("details", {}, element("summary", {}, "The whole report, here"), element("iframe", { src: fileAddress(`${path}/report.html`), title: `report of ${path}`, sandbox: "allow-scripts allow-popups", loading: "lazy" })));
   return { close, seen };
 }

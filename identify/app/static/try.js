@@ -34,11 +34,10 @@ export async function tryView(host, asked, session) {
     summary.textContent = `off by ${quantity(made.rms, "N", 3)} (rms; noise ${quantity(made.noise, "N", 2)}); ${made.slips.simulated} slips simulated, ${made.slips.measured} measured${shift(made.late)}. Measured: solid; simulated: dashed.${made.uneven ? " The cycles of this log differ among themselves: judge by slope, mean drop and mean period." : ""}`;
     host.dataset.tried = String(Number(host.dataset.tried ?? 0) + 1);
   };
-  const simulate = newestWins(async () => {
-    draw(await post("try", { scene: path, number, first, count, values }));
-    say("");
-  });
+  const simulate = newestWins(async () => draw(await post("try", { scene: path, number, first, count, values })));
   const note = () => remember({ number, first, count, ...Object.fromEntries(Object.entries(values).map(([name, value]) => [`p.${name}`, value.toPrecision(8)])) });
+
+  const again = () => { say(""); note(); return simulate(); }; // the words of what was done before go at once, not when this is drawn
 
   function slider(p) {
     const held = own?.parameters[p.name], tight = held?.interval && held.interval[0] !== null && held.interval[1] !== null;
@@ -51,9 +50,9 @@ export async function tryView(host, asked, session) {
     const place = (value) => STEPS * (log ? Math.log(value / low) / Math.log(high / low) : (value - low) / (high - low));
     const value = (at) => log ? low * (high / low) ** (at / STEPS) : low + (high - low) * at / STEPS;
     const [unit, size] = shownIn(middle || 1, p.unit), shown = () => { box.value = String(Number((values[p.name] / size).toPrecision(4))); };
-    const moved = (to) => { set(to); simulate(); note(); };
+    const moved = (to) => { set(to); again(); };
     const range = element("input", { type: "range", min: 0, max: STEPS, step: 1, value: String(place(values[p.name])), "aria-label": p.name, "data-parameter": p.name,
-      oninput: () => { values[p.name] = value(Number(range.value)); shown(); simulate(); note(); } });
+      oninput: () => { values[p.name] = value(Number(range.value)); shown(); again(); } });
     const box = element("input", { type: "number", step: "any", "aria-label": `value of ${p.name}`, "data-box": p.name, onchange: () => {
       const to = Number(box.value) * size;
       if (box.value !== "" && to >= p.lowest && to <= p.highest) moved(to); else { shown(); say(`${p.name} goes from ${quantity(p.lowest, p.unit)} to ${quantity(p.highest, p.unit)}`); }
@@ -67,10 +66,10 @@ export async function tryView(host, asked, session) {
 
   const shown = seen.form.parameters.filter((p) => p.kind === "friction");
   const logs = seen.form.logs.map((log, i) => [String(i), `${i + 1}: ${log.path}`]);
-  const amount = (label, value, change, low = 0) => labelled(label, element("input", { type: "number", min: low, max: 999, value: String(value), size: 4, "aria-label": label, onchange: (event) => { change(Number(event.target.value)); note(); simulate(); } }));
-  const box = element("input", { type: "checkbox", onchange: () => { sliders.forEach((one) => one.narrow(box.checked)); simulate(); } });
+  const amount = (label, value, change, low = 0) => labelled(label, element("input", { type: "number", min: low, max: 999, value: String(value), size: 4, "aria-label": label, onchange: (event) => { change(Number(event.target.value)); again(); } }));
+  const box = element("input", { type: "checkbox", onchange: () => { sliders.forEach((one) => one.narrow(box.checked)); again(); } });
   put(host, element("h2", {}, `Simulate: ${path}`),
-    element("div", { class: "bar" }, labelled("log", choice(logs, String(number), (to) => { number = Number(to); note(); simulate(); })), amount("from cycle", first + 1, (to) => { first = to - 1; }, 1), amount("cycles", count, (to) => { count = to; }, 1),
+    element("div", { class: "bar" }, labelled("log", choice(logs, String(number), (to) => { number = Number(to); again(); })), amount("from cycle", first + 1, (to) => { first = to - 1; }, 1), amount("cycles", count, (to) => { count = to; }, 1),
       button("start from the data", async () => {
         say("estimating from the mean cycle of each log …");
         const found = await post("start-values", { scene: path });
@@ -79,7 +78,7 @@ export async function tryView(host, asked, session) {
         note();
         draw(await post("try", { scene: path, number, first, count, values }));
       }),
-      own ? button("values of the fit", () => { for (const [name, entry] of Object.entries(own.parameters)) if (entry.value !== null) sliders.get(name)?.set(entry.value); note(); return simulate(); }) : null,
+      own ? button("values of the fit", () => { for (const [name, entry] of Object.entries(own.parameters)) if (entry.value !== null) sliders.get(name)?.set(entry.value); return again(); }) : null,
       own ? element("label", {}, box, " over the 95 % intervals of the fit") : null,
       button("use as start values of the scene", async () => {
         const changes = shown.filter((p) => !p.fixed).map((p) => ({ keys: ["parameters", p.name, "start"], value: `${values[p.name].toPrecision(6)} ${p.unit}`.trim() }));
