@@ -10,9 +10,9 @@ from data_io.units import kind_of
 
 ALIASES: Final[Mapping[str, tuple[str, ...]]] = {
     "time": (
-        "time", "t", "timestamp", "elapsedtime", "testtime", "zeit", "xvalue", "czas", "temps", "tiempo", "tempo",
-        "steptime", "runtime", "runningtime", "totaltime", "datetime", "dateandtime", "datetimestamp", "zeitstempel",
-        "messzeit", "prüfzeit", "sec", "secs", "seconds", "sekunden",
+        "time", "t", "timestamp", "elapsed", "elapsedtime", "testtime", "zeit", "xvalue", "czas", "temps", "tiempo",
+        "tempo", "steptime", "runtime", "runningtime", "totaltime", "datetime", "dateandtime", "datetimestamp",
+        "zeitstempel", "messzeit", "prüfzeit", "sec", "secs", "seconds", "sekunden",
         "时间", "测试时间", "试验时间", "采样时间", "時間", "経過時間", "試験時間",
     ),
     "normal_force": (

@@ -25,7 +25,7 @@ from identify.base.document import Json
 from identify.base.wording import quantity, speed_text
 from identify.logs.classical import table_of
 from identify.logs.prepare import Segmented
-from identify.logs.recorded_drive import SPEED_TEXT, speed_in
+from identify.logs.recorded_drive import SPEED_TEXT
 from identify.logs.regime import Known, look
 from identify.report.report_tables import stroke_table
 from identify.report.stored_result import plain
@@ -131,9 +131,8 @@ def row_of(name: str, log: Document | None) -> Document:
     findings = sorted(quality["findings"], key=lambda f: f["severity"] != "reject")
     worst = [f["message"] for f in findings if f["severity"] in ("reject", "warning")]
     moving = sorted({abs(speed) for _, speed in log["drive_speed_programme"] or () if speed})
-    comments = "; ".join(str(value) for step in log["steps"] for value in step["parameters"].values())
-    hints = ((speed_in(Path(name).name), "file name"), (speed_in(comments), "comment"))
-    row |= next(({"hint": hint, "hinted_by": place} for hint, place in hints if hint and not moving), {})
+    hint, place = log.get("speed_mentioned") or ("", "")
+    row |= {"hint": hint, "hinted_by": place} if hint and not moving else {}
     return row | {
         "format": log["format"],
         "speed": ", ".join(speed_text(s) for s in moving[:3]) + (" …" if len(moving) > 3 else ""),

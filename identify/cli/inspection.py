@@ -17,7 +17,7 @@ from identify.base.result import ClassicalTable
 from identify.base.wording import DASH, columns, number, programme_text, quantity, wrapped
 from identify.logs.classical import table_of
 from identify.logs.judgement import Judgement, RecordPart, judge
-from identify.logs.recorded_drive import NOT_STATED, RecordedDrive, drive_of, recorded_drive
+from identify.logs.recorded_drive import NOT_STATED, RecordedDrive, drive_of, mentioned_speed, recorded_drive
 from identify.logs.regime import SURE, Known, LogRegime, Regime, joined, look, only_of
 from identify.logs.segment import SLIDING, SLIP, STICK, Segmentation, jumps, sensor_place
 from identify.report.report_tables import stroke_table, with_sd
@@ -232,12 +232,17 @@ def overview(logs: Sequence[tuple[str, Inspection | None]]) -> str:
 
 def replicates(logs: Sequence[Inspection]) -> dict[str, tuple[float, float]]:
     """Mean and standard deviation over logs of the figures that all have; none of logs that are no replicates: of
-    several strokes, of other drive speeds, or of loads that differ by more than a twentieth."""
+    several strokes, of other drive speeds (unknown ones by the slope of the sticks), or of loads that differ by more
+    than a twentieth."""
     rows = [seen.classical.rows[0] for seen in logs if len(seen.classical.rows) == 1]
-    speeds, loads = ([finite(row.get(key)) for row in rows] for key in ("drive_speed_m_per_s", "normal_force_N"))
-    pressed = [load for load in loads if load is not None and load > 0.0]
-    if len(pressed) < max(len(logs), 2) or len(set(speeds)) > 1 or max(pressed) > (1.0 + ALIKE) * min(pressed):
+    speeds = {finite(row.get("drive_speed_m_per_s")) for row in rows}
+    alike = ("normal_force_N", "stick_slope_N_per_s") if speeds == {None} else ("normal_force_N",)
+    if len(rows) < max(len(logs), 2) or len(speeds) > 1:
         return {}
+    for key in alike:
+        values = [value for row in rows if (value := finite(row.get(key))) is not None and value > 0.0]
+        if len(values) < len(rows) or max(values) > (1.0 + ALIKE) * min(values):
+            return {}
     out = {}
     for key in REPLICATED:
         values = [value for row in rows if (value := finite(row.get(key))) is not None]
@@ -272,6 +277,7 @@ def document(seen: Inspection) -> dict[str, object]:
         "drive_speed_m_per_s": seen.drive.speed,
         "drive_speed_programme": None if programme is None else [list(pair) for pair in programme],
         "drive_speed_source": seen.drive.source,
+        "speed_mentioned": mentioned_speed(record, Path(seen.path).name),
         **_regime(seen.regime),
         "sampling": asdict(quality.sampling),
         "quality": {

@@ -19,8 +19,8 @@ from identify.logs.judgement import RecordPart, judge
 from identify.logs.recorded_drive import (
     RecordedDrive,
     drive_of,
+    mentioned_speed,
     recorded_drive,
-    speed_in,
     velocity_in_head,
     velocity_text,
 )
@@ -166,8 +166,8 @@ def _log_lines(log: _Seen, folder: Path, options: Mapping[str, object], rest: _S
         slope = "" if log.slope is None else f"; the force rises at {log.slope:.4g} N/s in stick, that is k times it"
         head = velocity_in_head(piece.record)
         states = "" if head is None else f"the header of the log states {velocity_text(head)}; "
-        if named := speed_in(piece.path.name):
-            states += f"its file name says {named}; "
+        speed, place = mentioned_speed(piece.record, piece.path.name)
+        states += f"its {place} says {speed}; " if speed and head is None else ""
         lines.append(f'drive_speed = "TODO mm/s"   # {states}{drive.trouble}{slope}')
     elif drive.speed is not None:
         lines.append(f'drive_speed = "{speed_text(drive.speed)}"   # {drive.source}: check it')

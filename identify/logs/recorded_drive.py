@@ -100,6 +100,14 @@ def speed_in(text: str) -> str:
     return found.pop() if len(found) == 1 else ""
 
 
+def mentioned_speed(record: Record, name: str) -> tuple[str, str]:
+    """The one drive speed that the file name of a log, else its header or comments mention, and where: "file name" or
+    "comment"; two empty texts where none does."""
+    comments = [record.metadata.get("preamble", ""), *(v for step in record.steps for v in step.parameters.values())]
+    places = ((name, "file name"), ("; ".join(map(str, comments)), "comment"))
+    return next(((speed, place) for text, place in places if (speed := speed_in(text))), ("", ""))
+
+
 def drive_of(record: Record, drive: RecordedDrive) -> DriveCourse:
     """The drive that the strokes of a record are cut by; None where none is recorded."""
     if record.drive_speed is not None and not isinstance(record.drive_speed, np.ndarray):

@@ -7,6 +7,9 @@ import tomllib
 
 import numpy as np
 import pytest
+from PIL import Image
+
+from experiments.make_pictures import BUTTONS, DOCS, words
 
 HELD = {"delta_mu_k": "-0.13", "a": "300 s/m", "D": "37.4 um", "t_cr": "0.5 s"}  # the truth: a quick fit
 
@@ -40,6 +43,8 @@ def test_a_log_is_cut_by_dragging_and_the_table_follows(root, page):
     go(page, "log?path=1_mm_per_s.csv")
     page.wait("document.querySelector('#view').dataset.seen === 'yes'")
     drawn(page)
+    picture = Image.open(DOCS / "app.png").info["words"]
+    assert words(page.ask(BUTTONS)) == picture, "docs/app.png is old: run experiments/make_pictures.py"
     cycles = "Number(document.querySelector('#view').innerText.match(/(\\d+) cycles/)[1])"
     slope = "document.querySelector('.classical').innerText.match(/stick stiffness N.m[^\\d]*([\\d.]+)/)[1]"
     assert page.ask(cycles) == 6 and abs(float(page.ask(slope)) - 1470) < 10

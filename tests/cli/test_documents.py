@@ -37,7 +37,7 @@ def test_the_python_page_runs(tmp_path, monkeypatch):
     text = (DOCS / "python.md").read_text(encoding="utf-8")
     (block,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("identify.report.figures.pictures", lambda _: ())  # each is drawn by its own line
+    monkeypatch.setattr("identify.report.figures.available", lambda _: {})  # each is drawn by its own line
     monkeypatch.setattr("identify.fit", lambda *_, **__: fit_of_a_scene())
     write_csv(Record(np.arange(9.0), np.ones(9), np.ones(9)), tmp_path / "slow.csv")
     (tmp_path / "stickslip-pair").mkdir()
@@ -52,7 +52,7 @@ def test_the_python_page_runs(tmp_path, monkeypatch):
             exec(line, space)
     found = space["found"]
     assert found.result["status"] == "converged" and "mu_s" in repr(found) and "parameters" in found._repr_html_()
-    assert len(shown) == 18 and all(value is not None for value in shown)
+    assert len(shown) == 19 and all(value is not None for value in shown)
     assert [len(value) > 0 for value in shown if isinstance(value, pd.DataFrame)] == [True] * 5
 
 
