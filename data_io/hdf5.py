@@ -381,9 +381,9 @@ def _tests(source: Source, request: Request, file: h5py.File) -> list[_Table]:
             named = named or any(name.startswith(f"{link}:") for name in request.columns.values())
             within = () if _is_column(item) or not named else _columns_within(item)
             members += [(link, item)] if _is_column(item) else [(column.label, column) for column in within]
-        named = [_named_column(column) for column in members]
-        header = match_header([name for name, _ in named], request.columns)
-        units = zip(header.names, named, strict=True)
+        columns = [_named_column(column) for column in members]
+        header = match_header([name for name, _ in columns], request.columns)
+        units = zip(header.names, columns, strict=True)
         header = replace(header, names=tuple(n if unit is None else replace(n, unit=unit) for n, (_, unit) in units))
         needed = {"time"} if request.rate is None else set()
         needed |= {"friction_force"} if coefficient_column(header) is None else set()
