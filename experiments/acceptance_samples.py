@@ -24,7 +24,7 @@ from scipy.signal import lfilter
 
 import identify
 from data_io import LogError, Record
-from experiments.case_variants import WRONG, scene_of_both, two_materials, with_scatter, wrong
+from experiments.case_variants import CAUSES, WRONG, misstated, scene_of_both, two_materials, with_scatter, wrong
 from experiments.designs import allowed, design
 from experiments.designs import scene_of as design_scene
 from experiments.force_plates import KINDS as PLATES
@@ -33,6 +33,7 @@ from experiments.in_vivo import RATES, twin
 from experiments.judgement import FRICTION, judged
 from experiments.measured_records import FILES, RECORDS, TOGETHER
 from experiments.measured_records import scene_of as measured_scene
+from experiments.other_laws import LAWS, of_law
 from experiments.record_kinds import KINDS
 from experiments.regime_records import KINDS as REGIMES
 from experiments.regime_records import drawn
@@ -162,6 +163,21 @@ def wrong_rig(number: int) -> Line:
     line, _ = fitted(scene, case.records, case.truth)
     named = names(kind, truth, line["message"])
     return line | {"kind": kind, "named": named, "right": line["status"] != "converged" and named}
+
+
+def cause(number: int) -> Line:
+    """Something stated wrongly, or another law than the scene's; right: no answer (of a wrong sign: or the right one),
+    and the first sentence names the one, or no cause of the other; invented: a wrong cause stated as sure."""
+    kind = (*CAUSES, *LAWS)[number % (len(CAUSES) + len(LAWS))]
+    scene, records, truth = (*of_law(kind, number), {}) if kind in LAWS else misstated(kind, number)
+    line, _ = fitted(scene, records, truth)
+    first = line["message"].split(";")[0]
+    sure = "explains the misfit" in first and "cannot distinguish" not in first
+    named = kind in CAUSES and bool(re.search(CAUSES[kind][0], first))
+    right = not sure if kind in LAWS else named or line["right"]
+    if line["status"] == "converged" and kind != "sign":
+        right = False
+    return line | {"kind": kind, "named": named, "invented": sure and not named, "right": right}
 
 
 def names(kind: str, truth: float, message: str) -> bool:
@@ -420,6 +436,7 @@ SAMPLES: Mapping[str, Sample] = {
     "wide": Sample(recovery("wide, five logs"), 60, 10, 56 / 60),
     "kinds": Sample(record_kind, 45, 16, 40 / 45),
     "wrong_rig": Sample(wrong_rig, 30, 9, 28 / 30),
+    "causes": Sample(cause, 70, 14, 0.9),
     "designs": Sample(designed, 40, 8, 37 / 40),
     "two_materials": Sample(both_materials, 26, 6, 23 / 26),
     "in_vivo": Sample(in_vivo, 9, 3, 6 / 9, first=480),

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import repeat
+from pathlib import Path
 
 import numpy as np
-from scipy.signal import lfilter
+from scipy.signal import butter, lfilter, sosfilt
 
 from data_io import Record
 from experiments.study_problem import (
@@ -28,6 +29,15 @@ from tests.support import oracle
 
 WRONG_SEED = 7
 WRONG = {"mass": 1.5, "stiffness": 1.2, "lag": 5e-3}  # times the true one; of the sensor, without a word of it [s]
+CAUSES: Mapping[str, tuple[str, float]] = {
+    "damping": ("damping|zeta", 3.0),
+    "speed": ("speed|stiffness", 1.2),
+    "sign": ("sign|negative", -1.0),
+    "gain": ("reads|gain", 1.15),
+    "filter": ("filter|lag|average|smooth", 5.0),
+}
+"""What is wrong, by words that name it, and by how much: damping, drive speed and force of one log as stated over the
+true ones; the corner of a low-pass filter of second order over the natural frequency."""
 FINE = 20  # samples of the lagging force per sample of the log
 SEED = 20261129
 OWN = (("mu_s", "mu_k0"), ("D", "t_cr"), ("mu_s", "mu_k0", "D"), ("mu_s", "mu_k0", "delta_mu_k", "a", "D", "t_cr"))
@@ -44,6 +54,27 @@ def wrong(kind: str, number: int, first: int = 0) -> tuple[Case, Scene, float]:
         return case, _of_last(scene_of(case, None), case), WRONG[kind]
     stated = replace(case, rig=case.rig | {kind: case.rig[kind] * WRONG[kind]})
     return case, _of_last(scene_of(stated, None), case), case.rig[kind]
+
+
+def misstated(kind: str, number: int) -> tuple[Scene, list[Record], dict[str, float]]:
+    """Scene, logs and truth of a pair, the three fastest, with one of CAUSES."""
+    random, factor = np.random.default_rng([WRONG_SEED, 1, number]), CAUSES[kind][1]
+    case, _ = random_case(random, USUAL)
+    records, speeds, rig = list(case.records[1:]), [speed for speed, *_ in SPEEDS[1:]], dict(case.rig)
+    if kind == "damping":
+        rig["damping"] *= factor
+    elif kind == "speed":
+        speeds = [factor * speed for speed in speeds]
+    elif kind == "filter":
+        corner = factor * np.sqrt(rig["stiffness"] / rig["mass"]) / (2.0 * np.pi)
+        for i, (_, _, rate) in enumerate(SPEEDS[1:]):
+            seen = sosfilt(butter(2, corner, fs=rate, output="sos"), records[i].friction_force)
+            records[i] = replace(records[i], friction_force=seen + NOISE * random.standard_normal(seen.size))
+    else:
+        for i in range(len(records)) if kind == "sign" else (int(random.integers(len(records))),):
+            records[i] = replace(records[i], friction_force=factor * records[i].friction_force)
+    logs = [{"path": f"log_{i}.csv", "drive_speed": speed} for i, speed in enumerate(speeds, 1)]
+    return Scene.from_document({"effects": list(MAIN), "rig": rig, "logs": logs}, Path()), records, case.truth
 
 
 def _of_last(scene: Scene, case: Case) -> Scene:

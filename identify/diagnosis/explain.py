@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import zip_longest
 
 import numpy as np
 from numpy.typing import NDArray
@@ -168,23 +167,28 @@ def _with_cause(findings: Findings, scene: Scene, read: Sequence[Record], ended:
     table = score_table(attempt.solved, held_quantities(attempt, unknowns), _inflation(attempt))
     # First one of each class, by its highest score, and of a class that which has to move least for what is usual.
     classes = [sorted(some, key=lambda one: abs(one.step) / one.column.usual) for some in table.classes(CLEAR)]
-    ordered = [one for row in zip_longest(*classes) for one in row if one is not None]
     # Beside an answer that fits already a cause has to fit clearly better.
     enough = attempt.excess - CLEAR * _inflation(attempt) if fits else np.inf
     causes, tries = list[_Cause](), 0
-    for score in ordered:
+    while classes:
+        some = classes.pop(0)
+        score = some.pop(0)
         # What passes as autocorrelated noise may yet be a misfit that another cause has not.
         settled = any(replace(ended, attempt=cause.attempt).fits for cause in causes)
         as_likely = score.score > ALIKE**2 * table.scores[0].score
         if tries == REFITTED or (settled and not as_likely) or not in_time(REFIT):
             break
         if any(score.key == one.key for cause in causes for one, _ in cause.alike):
+            classes += [some] if some else []
             continue
         tries, began = tries + 1, now()
         with tracing(apart=True):
             with_effect = score.column.name in EFFECTS
             cause = _with_effect(scene, read, ended, score) if with_effect else _refitted(ended, score)
         note(SearchTrial(f"{REFIT}: {score.column.name}", (), "examined", None, round(now() - began, 4)))
+        # What takes nearly all of a misfit is of the right class: the next of that is tried before the other classes.
+        near = cause is not None and cause.attempt.excess < REMAINS * attempt.excess
+        classes = [*([some] if some and near else []), *classes, *([some] if some and not near else [])]
         if cause is not None and cause.attempt.fits and cause.attempt.excess < enough:
             # Where it hardly had to move, the misfit was the search's.
             unsure = with_effect or cause.score.column.change is None  # its error is that of the score before
