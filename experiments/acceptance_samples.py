@@ -166,18 +166,17 @@ def wrong_rig(number: int) -> Line:
 
 
 def cause(number: int) -> Line:
-    """Something stated wrongly, or another law than the scene's; right: no answer (of a wrong sign: or the right one),
-    and the first sentence names the one, or no cause of the other; invented: a wrong cause stated as sure."""
+    """Something stated wrongly, or another law than the scene's; right: the first sentence names the one, or the answer
+    is right all the same; of another law no parameter is given and no cause; invented: a wrong one stated as sure."""
     kind = (*CAUSES, *LAWS)[number % (len(CAUSES) + len(LAWS))]
     scene, records, truth = (*of_law(kind, number), {}) if kind in LAWS else misstated(kind, number)
-    line, _ = fitted(scene, records, truth)
+    line, result = fitted(scene, records, truth)
     first = line["message"].split(";")[0]
-    sure = "explains the misfit" in first and "cannot distinguish" not in first
-    named = kind in CAUSES and bool(re.search(CAUSES[kind][0], first))
-    right = not sure if kind in LAWS else named or line["right"]
-    if line["status"] == "converged" and kind != "sign":
-        right = False
-    return line | {"kind": kind, "named": named, "invented": sure and not named, "right": right}
+    named = kind in CAUSES and bool(re.search(CAUSES[kind][0], first)) and line["status"] != "converged"
+    sure = "explains the misfit" in first and "cannot distinguish" not in first and not named
+    given = [name for name in FRICTION if result.get("parameters", {}).get(name, {}).get("value") is not None]
+    right = named or line["right"] if kind in CAUSES else not sure and not given
+    return line | {"kind": kind, "named": named, "invented": sure, "given": given, "right": right}
 
 
 def names(kind: str, truth: float, message: str) -> bool:
