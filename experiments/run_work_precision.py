@@ -2,7 +2,8 @@
 
 Orders: fixed steps, switches located and not, error against a reference with steps a hundred times finer. Simulation:
 error asked for by `accuracy`, estimated and found, and processor time beside scipy's `solve_ivp` with events at a
-tolerance that leaves no larger error. Fit: of the example and of random usual pairs, what one fit at the
+tolerance that leaves no larger error; what `stickslip simulate --verbose` says of other accuracies beside what they
+take, of these scenes and of random pairs and rigs. Fit: of the example and of random usual pairs, what one fit at the
 default level says of the others, and what fits at these levels then take and leave.
 
     python experiments/run_work_precision.py
@@ -35,7 +36,7 @@ from identify.shooting.accuracy import LEVELS
 from identify.simulation.drive import Drive, NormalForce
 from identify.simulation.phases import Machine, Phase, phases
 from identify.simulation.plan import Plan, Stepping, scales
-from identify.simulation.simulate import run
+from identify.simulation.simulate import cost, run, simulate
 from identify.simulation.steppers import HIGH, STIFF, Method
 from identify.simulation.trajectory import Trajectory, distance
 from tests.support import oracle
@@ -52,6 +53,7 @@ ORDER_STEPS: dict[Method, tuple[int, ...]] = {
 ASKED = (1e-3, 1e-5, 1e-7, 1e-9)
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10)  # of solve_ivp
 PAIRS = range(19)  # of the recovery study, beside the example
+RANDOM = 16  # pairs and rigs whose simulations are timed, beside SCENES
 WITHIN = 0.3
 
 
@@ -69,6 +71,14 @@ class Scene:
     def model(self) -> Model:
         """The composed model."""
         return assemble(self.effects)
+
+    @property
+    def document(self) -> FitScene:
+        """As a user writes it."""
+        rig = {name: self.values[name] for name in RIG} | {"drive_speed": self.drive_speed, "normal_force": 1.0}
+        friction = {p.name: self.values[p.name] for p in self.model.parameters if p.name in self.values.keys() - RIG}
+        starts = {name: {"start": value} for name, value in friction.items()}
+        return FitScene.from_document({"effects": list(self.effects), "rig": rig, "parameters": starts})
 
     def run(self, accuracy: float | Stepping) -> Trajectory:
         """Simulate it to an accuracy, or with a relative tolerance of steps of one method."""
@@ -166,6 +176,36 @@ def simulations(scenes: Sequence[Scene], asked: Sequence[float], repeats: int) -
     return rows
 
 
+def random_scenes(count: int) -> list[Scene]:
+    """Pairs, rigs and drive speeds around those of the demo."""
+    random, out = np.random.default_rng(1), []
+    for number in range(count):
+        apart = {name: PAIR[name] * np.exp(random.normal(0.0, 0.4)) for name in (*RIG, "a", "D", "t_cr")}
+        speed = 1e-3 * float(np.exp(random.normal(0.0, 1.2)))
+        out.append(Scene(f"random {number}", MAIN, PAIR | apart, speed, 2e-3 / speed))
+    return out
+
+
+def costs(scenes: Sequence[Scene]) -> tuple[list[str], int, int]:
+    """Rows: seconds said over seconds taken at each other accuracy; how many are within WITHIN, of how many. The
+    functions are built before, which costs the same at every accuracy."""
+    rows, ratios = [], []
+    for scene in scenes:
+        stated = scene.document
+
+        def least(accuracy: float, stated: FitScene = stated, long: float = scene.duration) -> tuple[Trajectory, float]:
+            runs = [timed(lambda: simulate(stated, long, accuracy=accuracy).refined(), 1) for _ in range(3)]
+            return runs[0][0], min(seconds for _, seconds in runs)
+
+        motion, taken = least(ASKED[1])
+        said = cost(stated, motion, taken)
+        mine = [said[level] / least(level)[1] for level in said if level != motion.accuracy]
+        ratios += mine
+        order = "in order" if list(said.values()) == sorted(said.values()) else "not in order"
+        rows.append(f"| {scene.name} | {1e3 * taken:.1f} | {' '.join(f'{q:.2f}' for q in mine)} | {order} |")
+    return rows, sum(abs(ratio - 1.0) <= WITHIN for ratio in ratios), len(ratios)
+
+
 def fits(cases: Sequence[tuple[str, FitScene, Sequence[Record] | None]]) -> tuple[list[str], int, int]:
     """Rows of fits: level, seconds said and taken, error said and left [standard errors]; how many are within WITHIN,
     of how many."""
@@ -198,6 +238,9 @@ def main(fast: bool = False) -> list[Order]:
     print("\n| scene | asked for | estimated | found | methods | ms | times as fast as solve_ivp with events |")
     print("| --- | --- | --- | --- | --- | --- | --- |")
     print("\n".join(simulations(SCENES[:1], ASKED[:1], 1) if fast else simulations(SCENES, ASKED, 7)))
+    rows, good, count = costs(SCENES[:1] if fast else (*SCENES, *random_scenes(RANDOM)))
+    print("\n| scene | ms | seconds said over taken at other accuracies | levels |\n| --- | --- | --- | --- |")
+    print("\n".join(rows), f"\n\n{good} of {count} within {100 * WITHIN:.0f} %")
     demo = FitScene.from_toml(examples.SCENE)
     if fast:
         demo = coefficients_only(demo.choose([str(log.path) for log in demo.logs[3:]]), DEMO)

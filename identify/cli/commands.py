@@ -11,7 +11,7 @@ SAID: Options = {
     "what is printed": {
         "--json": "one JSON document on standard output, words on stderr",
         "--quiet": "no progress and no notes: the answer alone",
-        "--verbose": "every stage of the work with its seconds, and what accuracy costs a fit",
+        "--verbose": "every stage of the work with its seconds, and costs",
         "--progress {shown,json}": "json: one document a line",
         "--debug": "show the traceback of an error",
     }

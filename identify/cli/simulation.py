@@ -7,6 +7,7 @@ from argparse import Namespace
 from contextlib import suppress
 from dataclasses import asdict
 from importlib.metadata import version
+from time import process_time
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from identify.cli.common import Answer, CommandLineError, Terminal
 from identify.diagnosis.effect_choice import choose_from_numbers, effects_result
 from identify.scene import Scene
 from identify.scene.tables import quantity
+from identify.simulation.simulate import cost
 from identify.simulation.simulate import simulate as simulated
 
 MOST_SAMPLES = 2e7  # half a gigabyte of columns
@@ -26,7 +28,7 @@ ENDINGS = (".csv", ".h5", ".hdf5")
 
 
 def simulate(arguments: Namespace, terminal: Terminal) -> Answer:
-    """Simulate and write."""
+    """Simulate and write; with --verbose also what accuracy costs."""
     out = file_to_write(arguments.out, "--out", ENDINGS)
     simulated_before = False  # a log that was simulated can be made again, and is written over
     if out.exists():
@@ -56,8 +58,9 @@ def simulate(arguments: Namespace, terminal: Terminal) -> Answer:
     if choice is not None:
         scene = scene.with_effects(choice.effects)
         terminal.say(f"effects by the numbers of the scene: {', '.join(choice.effects)}")
-    values = scene.values()
+    values, since = scene.values(), process_time()
     motion = simulated(scene, duration, accuracy=accuracy, noise=noise or None).refined()
+    took = process_time() - since
     time = np.arange(int(duration * rate * (1 + 1e-12)) + 1) / rate
     forces, speed = motion.sample(time), scene.rig.drive_speed
     record = Record(
@@ -97,6 +100,12 @@ def simulate(arguments: Namespace, terminal: Terminal) -> Answer:
             text += ": as near as numbers get" if max(errors.values()) > wanted else ""
         methods = ", ".join(motion.methods) or "no slip"
         terminal.say(f"accuracy {wanted:.2g}; estimated errors: {text}; {methods}")
+        if arguments.verbose:
+            spent = cost(scene, motion, took)
+            others = [f"{level:.1g}: about {seconds:.2g} s" for level, seconds in spent.items() if level != wanted]
+            terminal.say(wrapped(f"{took:.2g} s of processor time; at accuracy {'; '.join(others)}", ""))
+            levels = [{"accuracy": level, "seconds": seconds} for level, seconds in spent.items()]
+            document["price"] = {"levels": levels}
     if choice is not None:
         document["effects"] = to_dict(effects_result(choice, auto=True))
     return Answer(document=document)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict
+from time import process_time
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -161,3 +162,42 @@ def simulate(
             scene.rig.noise if noise is None else noise, max(values["mu_s"], values["mu_k0"]) * max(load.values)
         )
     return run(model, values, programme, load, duration, start=start, accuracy=accuracy)
+
+
+# What a simulation costs: processor seconds at other accuracies, measured. The motion, or its first cycles where it is
+# long, is simulated again at each; what is measured on a part grows with the number of phases.
+
+FINEST, COARSEST = 1e-12, 0.1
+CYCLES = 20  # of the part of a longer one
+
+
+def cost(scene: Scene, motion: Trajectory, seconds: float) -> dict[float, float]:
+    """Processor seconds by accuracy, of a motion of a scene that took so many, the building of its functions included.
+
+    Args:
+        motion: as `Trajectory.refined` has left it.
+
+    Raises:
+        SimulationError: as `simulate`.
+    """
+    taken, part = motion.accuracy or COARSEST, motion.duration
+    # A long one is simulated again by its first cycles.
+    if seconds > 2.0 and min(motion.onsets.size, motion.arrests.size) > CYCLES:
+        # Cut in the middle of a rest, so that no tolerance decides whether a slip is still inside.
+        arrest = float(motion.arrests[CYCLES - 1])
+        part = 0.5 * (arrest + float(motion.onsets[motion.onsets > arrest][0]))
+
+    def timed(accuracy: float) -> tuple[Trajectory, float]:
+        """A motion, and its processor seconds: the least of several where it is short."""
+        again, spent, begun = simulate(scene, part, accuracy=accuracy).refined(), np.inf, process_time()
+        while spent == np.inf or process_time() - begun < min(0.3, 3.5 * spent):  # the first one built the functions
+            since = process_time()
+            simulate(scene, part, accuracy=accuracy).refined()
+            spent = min(spent, process_time() - since)
+        return again, spent
+
+    runs = {a: timed(a) for a in (min(taken * 100.0, COARSEST), taken, max(taken / 100.0, FINEST))}
+    rising = dict(zip(runs, np.maximum.accumulate([spent for _, spent in runs.values()]).tolist(), strict=True))
+    # The rest is the building of functions, the same at every accuracy.
+    own = min(len(motion.phases) / len(runs[taken][0].phases) * rising[taken], seconds)
+    return {a: seconds - own + own * s / rising[taken] if rising[taken] else seconds for a, s in rising.items()}
