@@ -198,7 +198,7 @@ def costs(scenes: Sequence[Scene]) -> tuple[list[str], int, int]:
             return runs[0][0], min(seconds for _, seconds in runs)
 
         motion, taken = least(ASKED[1])
-        said = cost(stated, motion, taken)
+        said = cost(stated, motion, taken).seconds
         mine = [said[level] / least(level)[1] for level in said if level != motion.accuracy]
         ratios += mine
         order = "in order" if list(said.values()) == sorted(said.values()) else "not in order"

@@ -22,6 +22,7 @@ from data_io import Record
 from data_io.spelling import spelled
 from identify.base.budget import now, seconds_left, stage, timing_stages
 from identify.base.budget import time_limit as within
+from identify.base.compiled import Mapped
 from identify.base.errors import FitError
 from identify.base.linear import keep_freed_memory
 from identify.base.progress import Notice, Progress, noticed_once, to_nobody
@@ -142,7 +143,7 @@ def fit(
     from identify.report.finished import Fit  # pages and predictions: not needed before there is a fit
 
     # Prepare: the scene with its drives and effects, the logs cut into cycles.
-    began, worked = time.perf_counter(), time.process_time()
+    began, worked, in_functions = time.perf_counter(), time.process_time(), Mapped.total
     report = noticed_once(progress or to_nobody)
     given = Scene.of(scene)
     if time_limit is not None:
@@ -175,11 +176,11 @@ def fit(
     # Report.
     report(LAST_STAGE, 0.95)
     used, curves = findings.scene or used, _curves(logs, findings)
-    seconds["total"] = time.perf_counter() - began
-    processor = time.process_time() - worked
+    seconds["total"] = taken = time.perf_counter() - began
+    processor, in_functions = time.process_time() - worked, Mapped.total - in_functions
     result = result_of(used, logs, findings, seconds, seed, choice)
     if findings.status is Status.CONVERGED:
-        result = with_accuracy(result, findings, options, processor)
+        result = with_accuracy(result, findings, options, processor, in_functions / taken)
     document = (stated if stated.effects != "auto" else used).as_document()
     result = replace(
         result,

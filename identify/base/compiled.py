@@ -94,6 +94,8 @@ class Mapped:
     compiled once it has cost as much as compiling does.
     """
 
+    total = 0.0  # seconds that all of them took in this process so far
+
     def __init__(self, function: ca.Function, many: int = MANY, within: int = 0) -> None:
         """many: rows per call where there are so many; what is left of them is called for in smaller chunks. within:
         instructions of functions that this one calls."""
@@ -144,6 +146,7 @@ class Mapped:
                 result[part] = place[:size]
         spent = time.perf_counter() - since
         self.spent += spent
+        Mapped.total += spent
         return results
 
     def _look(self) -> None:

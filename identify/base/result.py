@@ -314,22 +314,33 @@ class BootstrapResult:
 
 @dataclass(frozen=True)
 class AccuracyLevel:
-    """What one level of accuracy costs: seconds of processor time, steps per interval, the largest error of its steps
-    in standard errors, and that of each parameter where it was asked for."""
+    """What one level of accuracy costs, and the errors that its steps leave by parameter."""
 
     accuracy: str
     seconds: float | None = None
     steps: int | None = None
-    error_in_standard_errors: float | None = None
-    left_in_standard_errors: Mapping[str, float | None] | None = field(default=None, metadata=OMITTED)
+    left_in_standard_errors: Mapping[str, float | None] | None = None
+
+
+@dataclass(frozen=True)
+class LevelCost:
+    """What one level of accuracy costs: steps, seconds of processor time, the error of its steps in standard errors."""
+
+    accuracy: str
+    steps: int | None
+    seconds: float
+    error_in_standard_errors: float | None
+    estimated: bool
 
 
 @dataclass(frozen=True)
 class AccuracyResult:
-    """The level taken, and what all of them cost; of the others it is estimated."""
+    """The level taken, and what all of them cost; seconds of processor time in the equations, and by effect."""
 
     taken: str
-    levels: tuple[AccuracyLevel, ...]
+    equations_s: float
+    effects_s: Mapping[str, float]
+    levels: tuple[LevelCost, ...]
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ ENDINGS = (".csv", ".h5", ".hdf5")
 
 
 def simulate(arguments: Namespace, terminal: Terminal) -> Answer:
-    """Simulate and write; with --verbose also what accuracy costs."""
+    """Simulate and write; with --verbose also what accuracy and effects cost."""
     out = file_to_write(arguments.out, "--out", ENDINGS)
     simulated_before = False  # a log that was simulated can be made again, and is written over
     if out.exists():
@@ -102,10 +102,9 @@ def simulate(arguments: Namespace, terminal: Terminal) -> Answer:
         terminal.say(f"accuracy {wanted:.2g}; estimated errors: {text}; {methods}")
         if arguments.verbose:
             spent = cost(scene, motion, took)
-            others = [f"{level:.1g}: about {seconds:.2g} s" for level, seconds in spent.items() if level != wanted]
-            terminal.say(wrapped(f"{took:.2g} s of processor time; at accuracy {'; '.join(others)}", ""))
-            levels = [{"accuracy": level, "seconds": seconds} for level, seconds in spent.items()]
-            document["price"] = {"levels": levels}
+            terminal.say(wrapped(spent.text, ""))
+            levels = [{"accuracy": level, "seconds": seconds} for level, seconds in spent.seconds.items()]
+            document["price"] = {"levels": levels, "effects_s": spent.effects}
     if choice is not None:
         document["effects"] = to_dict(effects_result(choice, auto=True))
     return Answer(document=document)

@@ -148,7 +148,7 @@ def _range(entry: DistributionResult, unit: str) -> str:
 
 
 def accuracy_text(accuracy: AccuracyResult | None) -> str:
-    """What the accuracy of a fit cost, and what the other levels would; "" if unknown."""
+    """What the accuracy of a fit cost, what the other levels would, and each effect's part of it; "" if unknown."""
     if accuracy is None:
         return ""
     texts = {}
@@ -159,7 +159,10 @@ def accuracy_text(accuracy: AccuracyResult | None) -> str:
         texts[level.accuracy] = f"{about}{level.seconds:.2g} s{unit}, steps leave {left}"
     taken = texts.pop(accuracy.taken)
     others = "; ".join(f"{name}: {text}" for name, text in texts.items())
-    return f"accuracy {accuracy.taken}: {taken}. Estimated, {others}"
+    dearest = sorted(accuracy.effects_s.items(), key=lambda item: -item[1])
+    effects = ", ".join(f"{name.replace('_', ' ')} {seconds:.2g} s" for name, seconds in dearest if seconds)
+    equations = f". The equations of the model took {accuracy.equations_s:.2g} s of it: {effects}" if dearest else ""
+    return f"accuracy {accuracy.taken}: {taken}. Estimated, {others}{equations}"
 
 
 def tolerances_text(tolerances: Mapping[str, ToleranceResult]) -> str:

@@ -46,7 +46,7 @@ from identify.prediction.wording import listed
 from identify.report.log_document import answers_of_logs, log_result
 from identify.scene import Scene
 from identify.scene.values import USUAL_TOLERANCES
-from identify.shooting.accuracy import FEWEST_STEPS, FitOptions, accuracy_costs
+from identify.shooting.accuracy import FEWEST_STEPS, FitOptions, accuracy_costs, effect_shares
 
 Array = NDArray[np.float64]
 
@@ -554,12 +554,12 @@ def _profile_ends(sure: Certainty | None, unknowns: Unknowns, base: Array) -> di
     return out
 
 
-def with_accuracy(result: Result, findings: Findings, options: FitOptions, processor: float) -> Result:
-    """The result with what the accuracy of a fit cost and gives, and what the other levels would; as it is without an
-    answer.
+def with_accuracy(result: Result, findings: Findings, options: FitOptions, processor: float, share: float) -> Result:
+    """The result with what the accuracy of a fit cost and gives, what the other levels would, and what each effect took
+    of the seconds (processor time, which no other program lengthens); as it is without an answer.
 
     Args:
-        options: with the level of the fit; processor: seconds that it took, which no other program lengthens.
+        options: with the level of the fit; processor: seconds that it took; share: of them in functions of the model.
     """
     taken, unknowns = options.accuracy, findings.unknowns
     if findings.attempt is None or findings.sure is None or not np.any(unknowns.free):
@@ -568,14 +568,18 @@ def with_accuracy(result: Result, findings: Findings, options: FitOptions, proce
     halvings = sum(trial.strategy == FINER_STEPS for trial in findings.trace.trials)
     steps = findings.attempt.solved.grid.steps
     first = FEWEST_STEPS if steps < FEWEST_STEPS else max(steps // 2**halvings, FEWEST_STEPS)
-    names, table = np.array(unknowns.names)[unknowns.free].tolist(), list[schema.AccuracyLevel]()
-    for cost in accuracy_costs(findings.attempt.solved, size, taken, first):
+    costs = accuracy_costs(findings.attempt.solved, size, taken, first)
+    names = np.array(unknowns.names)[unknowns.free].tolist()
+    levels, table = list[schema.LevelCost](), list[schema.AccuracyLevel]()
+    for cost in costs:
         seconds, worst = max(processor + cost.seconds, 0.0), finite(float(np.max(np.abs(cost.errors))))
+        levels.append(schema.LevelCost(cost.level, cost.steps, seconds, worst, cost.level != taken.name))
         errors = dict(zip(names, map(finite, cost.errors.tolist()), strict=True))
-        table.append(schema.AccuracyLevel(cost.level, seconds, cost.steps, worst, errors))
-    levels = tuple(replace(level, left_in_standard_errors=None) for level in table)
+        table.append(schema.AccuracyLevel(cost.level, seconds, cost.steps, errors))
+    equations, shares = share * processor, effect_shares(unknowns.model)
+    effects = {name: part * equations for name, part in shares.items()}
     return replace(
         result,
-        accuracy=schema.AccuracyResult(taken.name, levels),
+        accuracy=schema.AccuracyResult(taken.name, equations, effects, tuple(levels)),
         accuracy_table=tuple(table) if options.accuracy_table else None,
     )

@@ -12,7 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io.spelling import Spelled
-from identify.base.errors import FitError
+from identify.base.errors import FitError, SceneError
+from identify.model.model import Model, assemble
+from identify.shooting.blocks import SlideBlock, block
 from identify.shooting.passes import ORDER, Solved
 
 Array = NDArray[np.float64]
@@ -101,6 +103,23 @@ def accuracy_costs(solved: Solved, size: Array, taken: Accuracy, first: int) -> 
         at = steps if level == taken else count
         costs.append(AccuracyCost(level.name, at, seconds_to(at) - seconds_to(steps), errors_with(at)))
     return costs
+
+
+def effect_shares(model: Model) -> dict[str, float]:
+    """By effect, the share of the time of a model's functions that it takes: of the instructions of a slip with its
+    derivatives, those that are not there without the effect. An effect that others need is left out, and inertia:
+    without it there is no slip to integrate."""
+
+    def instructions(of: Model) -> int:
+        return block(of, SlideBlock(1)).derivatives.instructions
+
+    whole, shares = instructions(model), {}
+    for name in model.effects:
+        with suppress(SceneError):
+            less = assemble(tuple(other for other in model.effects if other != name), model.force_sensor)
+            if less.inertial:
+                shares[name] = max(1.0 - instructions(less) / whole, 0.0)
+    return shares
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,8 @@ overcomes the static limit, and the sign function is never smoothed.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict
+from contextlib import suppress
+from dataclasses import asdict, dataclass
 from time import process_time
 from typing import TYPE_CHECKING
 
@@ -15,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from data_io.spelling import spelled
-from identify.base.errors import SimulationError
+from identify.base.errors import IdentifyError, SimulationError
 from identify.model.model import ELONGATION, Model
 from identify.scene.tables import quantity
 from identify.simulation.drive import Drive, NormalForce
@@ -164,15 +165,34 @@ def simulate(
     return run(model, values, programme, load, duration, start=start, accuracy=accuracy)
 
 
-# What a simulation costs: processor seconds at other accuracies, measured. The motion, or its first cycles where it is
-# long, is simulated again at each; what is measured on a part grows with the number of phases.
+# What a simulation costs: processor seconds at other accuracies, and what each effect takes; measured. The motion, or
+# its first cycles where it is long, is simulated again at each accuracy and without each effect; what is measured on a
+# part grows with the number of phases.
 
 FINEST, COARSEST = 1e-12, 0.1
 CYCLES = 20  # of the part of a longer one
 
 
-def cost(scene: Scene, motion: Trajectory, seconds: float) -> dict[float, float]:
-    """Processor seconds by accuracy, of a motion of a scene that took so many, the building of its functions included.
+@dataclass(frozen=True)
+class SimulationCost:
+    """seconds: of processor time by accuracy, of the one taken as it was; effects: seconds of them that each effect
+    takes: with all less without it, for as many slips; what cannot be left out is not there."""
+
+    taken: float
+    seconds: dict[float, float]
+    effects: dict[str, float]
+
+    @property
+    def text(self) -> str:
+        """In one line."""
+        levels = [f"{a:.1g}: about {s:.2g} s" for a, s in self.seconds.items() if a != self.taken]
+        dearest = sorted(self.effects.items(), key=lambda item: -item[1])
+        effects = f". Of it {', '.join(f'{name} {seconds:.1g} s' for name, seconds in dearest)}" if dearest else ""
+        return f"{self.seconds[self.taken]:.2g} s of processor time; at accuracy {'; '.join(levels)}{effects}"
+
+
+def cost(scene: Scene, motion: Trajectory, seconds: float) -> SimulationCost:
+    """The cost of a motion of a scene that took so many processor seconds, the building of its functions included.
 
     Args:
         motion: as `Trajectory.refined` has left it.
@@ -187,17 +207,24 @@ def cost(scene: Scene, motion: Trajectory, seconds: float) -> dict[float, float]
         arrest = float(motion.arrests[CYCLES - 1])
         part = 0.5 * (arrest + float(motion.onsets[motion.onsets > arrest][0]))
 
-    def timed(accuracy: float) -> tuple[Trajectory, float]:
+    def timed(of: Scene, accuracy: float) -> tuple[Trajectory, float]:
         """A motion, and its processor seconds: the least of several where it is short."""
-        again, spent, begun = simulate(scene, part, accuracy=accuracy).refined(), np.inf, process_time()
+        again, spent, begun = simulate(of, part, accuracy=accuracy).refined(), np.inf, process_time()
         while spent == np.inf or process_time() - begun < min(0.3, 3.5 * spent):  # the first one built the functions
             since = process_time()
-            simulate(scene, part, accuracy=accuracy).refined()
+            simulate(of, part, accuracy=accuracy).refined()
             spent = min(spent, process_time() - since)
         return again, spent
 
-    runs = {a: timed(a) for a in (min(taken * 100.0, COARSEST), taken, max(taken / 100.0, FINEST))}
+    runs = {a: timed(scene, a) for a in (min(taken * 100.0, COARSEST), taken, max(taken / 100.0, FINEST))}
     rising = dict(zip(runs, np.maximum.accumulate([spent for _, spent in runs.values()]).tolist(), strict=True))
     # The rest is the building of functions, the same at every accuracy.
     own = min(len(motion.phases) / len(runs[taken][0].phases) * rising[taken], seconds)
-    return {a: seconds - own + own * s / rising[taken] if rising[taken] else seconds for a, s in rising.items()}
+    levels = {a: seconds - own + own * s / rising[taken] if rising[taken] else seconds for a, s in rising.items()}
+    effects = {}
+    for name in scene.model.effects:
+        with suppress(IdentifyError, KeyError):  # an effect that others need, or whose values they need
+            less = timed(scene.with_effects([kept for kept in scene.model.effects if kept != name]), taken)
+            each, whole = (spent / max(made.onsets.size, 1) for made, spent in (less, runs[taken]))
+            effects[name] = max(own * (1.0 - each / whole), 0.0) if whole else 0.0
+    return SimulationCost(taken, levels, effects)

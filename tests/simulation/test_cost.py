@@ -16,10 +16,11 @@ def scene_at(speed, effects=MAIN, **more):
     return Scene.from_document(document)
 
 
-def test_a_long_motion_is_timed_on_its_first_cycles():
+def test_a_long_motion_is_timed_on_its_first_cycles_and_effects_have_their_share():
     scene = scene_at(5e-3)
     motion = simulate(scene, 4.0)
-    seconds = cost(scene, motion, 100.0)
+    told = cost(scene, motion, 100.0)
     assert motion.onsets.size > 2 * CYCLES
-    assert list(seconds) == sorted(seconds, reverse=True) and seconds[motion.accuracy] == 100.0
-    assert list(seconds.values()) == sorted(seconds.values()), "what is finer costs more"
+    assert told.seconds[motion.accuracy] == 100.0 and told.text.startswith("1e+02 s of processor time; at accuracy")
+    assert set(told.effects) == {"hysteresis_damping", "contact_ageing", "velocity_weakening"}, "what others need stays"
+    assert all(0.0 <= seconds < 100.0 for seconds in told.effects.values())
