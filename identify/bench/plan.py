@@ -98,7 +98,7 @@ def plan(scene: Scene, logs: Sequence[Prepared], choices: Choices, result: Resul
     knowledge = _knowledge(scene, values, load, logs, choices, pair, result)
     driven_at = [[speed for speed, _ in driven(log.data)] for log in logs]
     of_drives = [scene.rig.drive_speed, *(entry.drive_speed for entry in scene.logs)]
-    stated_speeds = [abs(v) for drive in of_drives if drive is not None for v in Drive.of(drive).speeds if v]
+    stated_speeds = [abs(v) for drive in of_drives if drive is not None for _, v in Drive.of(drive).paces if v]
     speeds = [speed for each in driven_at for speed in each] or stated_speeds or [1e-3]
     dialled = [v for v in DIALS if min(speeds) / BEYOND <= v <= max(speeds) * BEYOND]
     every = product(choices.speeds or dialled, choices.loads or (load,), choices.stiffnesses or (None,))

@@ -19,7 +19,8 @@ from identify.cli.arguments import MEASURED, file_to_write, new_file, positive
 from identify.cli.common import Answer, CommandLineError, Terminal
 from identify.diagnosis.effect_choice import choose_from_numbers, effects_result
 from identify.scene import Scene
-from identify.scene.tables import quantity
+from identify.scene.tables import Course, quantity
+from identify.simulation.drive import Drive
 from identify.simulation.simulate import cost
 from identify.simulation.simulate import simulate as simulated
 
@@ -63,11 +64,12 @@ def simulate(arguments: Namespace, terminal: Terminal) -> Answer:
     took = process_time() - since
     time = np.arange(int(duration * rate * (1 + 1e-12)) + 1) / rate
     forces, speed = motion.sample(time), scene.rig.drive_speed
+    course = Drive.of(speed, duration).motion(time)[1] if isinstance(speed, Course) else None
     record = Record(
         time=time,
         normal_force=np.broadcast_to(forces["normal_force"], time.shape).copy(),
         friction_force=forces["force"] + np.random.default_rng(seed).normal(0.0, noise, time.size),
-        drive_speed=speed if isinstance(speed, float) else None,
+        drive_speed=speed if isinstance(speed, float) else course,
         metadata={  # so that it can be made again
             "simulated": True,
             "scene": scene.name,

@@ -53,7 +53,8 @@ def drive_speed(log: LogData, _curve: Array, before: float, after: float) -> Log
     """The speed of the drive over the stated one."""
     times, programme = float(np.exp(after - before)), log.programme
     if programme is not None:
-        programme = replace(programme, speeds=tuple(times * speed for speed in programme.speeds))
+        scaled = {name: tuple(times * v for v in getattr(programme, name)) for name in ("speeds", "accelerations")}
+        programme = replace(programme, **scaled)
     return replace(log, drive_speed=times * log.drive_speed, programme=programme)
 
 

@@ -21,6 +21,7 @@ from identify.shooting.starts import (
     GOOD,
     Features,
     Start,
+    at_speeds,
     candidates,
     extract,
     fit_features,
@@ -32,6 +33,7 @@ Array = NDArray[np.float64]
 Sources = Literal["data", "user", "both"]
 
 DRAWN = 96  # random starts, where the data's own do not fit the features
+FOLLOWED = 6  # starts whose motions are compared along a course
 SAME = 0.02  # of the spread: starts closer than that are one
 MISSING = 1e6  # cost per residual of a log on which a start cannot be placed
 
@@ -65,6 +67,9 @@ def starts_of(
                 half = random_starts(unknowns, starts[0].theta, DRAWN // 2, seed)
                 more = np.concatenate([half, random_starts(unknowns, tried[0], DRAWN // 2, seed + 1)])
                 starts = sorted(starts + fit_features(settled, features, bases, more), key=attrgetter("cost"))
+            if any(log.data.on_course for log in prepared):  # no cycle is like the next: the motions decide
+                followed = [*(start.theta for start in starts[:FOLLOWED]), *level_starts(prepared, unknowns)]
+                return _by_motion(prepared, unknowns, followed)
             # What is explicit in time was held still: it starts where the sticks say, and keeps what the scene fixes.
             return [
                 replace(s, theta=np.where(settled.free, s.theta, unknowns.start)) for s in starts if s.cost <= worst
@@ -94,7 +99,11 @@ def _by_motion(prepared: list[Prepared], unknowns: Unknowns, tried: Iterable[Arr
 def features_of(prepared: Sequence[Prepared]) -> tuple[list[Features], list[Array]]:
     """What the logs show of repeating cycles, with the base values (n_p,) of the log of each."""
     cycling = [log for log in prepared if log.fit_mode.name == "cycles"]
-    each = [(extract(at_drive(log), log.slip_times, log.rig.half_period), log.data.base) for log in cycling]
+    each = [
+        (extract(*alike, log.rig.half_period), log.data.base)
+        for log in cycling
+        for alike in at_speeds(at_drive(log), log.slip_times)
+    ]
     shown = [(features, base) for features, base in each if features is not None]
     return [features for features, _ in shown], [base for _, base in shown]
 

@@ -39,7 +39,8 @@ class LogData:
     force there is finite, and says nothing);
     base (n_p,) base values of the parameters; own (n_p,) where the search starts a parameter that differs from log to
     log (NaN: as for all; empty: none does); groups (n_p): the group of logs it shares each parameter with, "" for none;
-    drive_speed [m/s]; programme: the drive where it changes its speed within the window (None: drive_speed throughout);
+    drive_speed [m/s], the mean along a course; programme: the drive where it changes its speed within the window (None:
+    drive_speed throughout);
     normal_force, known to within normal_force_sd [N] (0: exact), jitter_sd [N] of it in periods below JITTER (0: none);
     strength_sd: of mu_s from stick to stick (0: the same in all); begin, end of the fitted window [s].
     """
@@ -66,6 +67,19 @@ class LogData:
     def speed_at(self, time: float) -> float:
         """Drive speed at a time [m/s]."""
         return self.drive_speed if self.programme is None else self.programme.at(time)
+
+    @property
+    def on_course(self) -> bool:
+        """Whether the drive changes its speed gradually."""
+        return self.programme is not None and self.programme.accelerates
+
+    def acceleration_at(self, time: float) -> float:
+        """Acceleration of the drive just after a time [m/s^2]."""
+        return 0.0 if self.programme is None else self.programme.line(time)[1]
+
+    def moved(self, times: Array) -> Array:
+        """How far the drive has moved at times (n,) [m], from where it is at 0 s."""
+        return self.drive_speed * times if self.programme is None else self.programme.motion(times)[0]
 
     @property
     def noise(self) -> float:

@@ -36,6 +36,7 @@ from identify.logs.segment import (
     FEWEST,
     SLIDING,
     STICK,
+    DetectedCycles,
     Segmentation,
     drive_force,
     jumps,
@@ -44,12 +45,16 @@ from identify.logs.segment import (
 from identify.logs.unknowns import Unknowns
 from identify.scene import Scene
 from identify.scene.values import EACH_LOG, LogEntry, Rig
-from identify.simulation.drive import Drive, NormalForce
+from identify.simulation.drive import FITTED_PIECES, Drive, NormalForce
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 STROKE, PART = "stroke", "part"  # the labels of parts: a scene may have parameters of their own for them
+AT_TURNS = 0.02  # of the highest speed of a drive on a course: as fast goes its clock at least
+EVENTS = ("onset", "fall", "arrest")  # the times of cycles
+ROUNDING = 1e-9  # of the highest speed of a drive: less is none
+THIRDS = 3  # of a course: pieces for its levels
 GAP = 2.0  # rows of a record without the rests of the drive, as long as which a rest counts at most
 NOISELESS, ASSUMED = 1e-6, 1e-4  # of the force: less is no noise of a measurement, and what is assumed there
 LEAST_SHARE = 0.2  # of a record, from which on the level of its steady end is one of it
@@ -73,13 +78,48 @@ def name_of(entry: LogEntry) -> str:
 
 
 @dataclass(frozen=True)
+class DriveClock:
+    """A clock that goes as the drive does, on a course at its mean speed [m/s]: sticks are straight lines by it.
+
+    time (n,) [s] of samples, shown (n,) [s] what the clock shows then.
+    """
+
+    drive: Drive
+    time: Array
+    shown: Array
+    speed: float
+
+    @staticmethod
+    def of(drive: Drive, time: Array) -> DriveClock:
+        """The clock of a drive that goes one way, at rising times (n,) [s]; at its turns it goes on slowly."""
+        speeds = drive.motion(time)[1]
+        way = np.cumsum(np.maximum(0.5 * (speeds[1:] + speeds[:-1]), AT_TURNS * np.max(speeds)) * np.diff(time))
+        speed = float(way[-1] / (time[-1] - time[0]))
+        return DriveClock(drive, time, time[0] + np.concatenate([[0.0], way / speed]), speed)
+
+    def back(self, shown: Array) -> Array:
+        """Times [s] at which it shows these."""
+        return np.interp(shown, self.shown, self.time)
+
+    def in_time(self, phases: Segmentation) -> Segmentation:
+        """Phases that were seen by it."""
+
+        def moved(cycles: DetectedCycles) -> DetectedCycles:
+            return replace(cycles, **{name: self.back(getattr(cycles, name)) for name in EVENTS})
+
+        at_drive = None if phases.at_drive is None else moved(phases.at_drive)
+        return replace(phases, cycles=moved(phases.cycles), at_drive=at_drive)
+
+
+@dataclass(frozen=True)
 class Segmented:
     """One log, cut, corrected and segmented.
 
     entry; rig of this log; drive while the record counts; corrected: its record; sign applied to the friction force;
     force (n,) [N], sliding positive, tare taken off; used (n,) samples that may count; counted (n,): of these, those
     that are no spikes; time, measured (k,) [s], [N] from the first of the used samples to the last, NaN where one does
-    not count; found: what was segmented; noise [N]; verdict: on its regime.
+    not count; phases: what was segmented; noise [N]; verdict: on its regime. Along a course of the drive `time`, drive
+    and phases are those by its clock.
     """
 
     entry: LogEntry
@@ -95,6 +135,20 @@ class Segmented:
     phases: Segmentation
     noise: float
     verdict: Verdict
+    clock: DriveClock | None = None
+
+    def in_time(self, fit_mode: FitMode, window: tuple[float, float]) -> tuple[Segmented, FitMode, tuple[float, float]]:
+        """The log, how it is followed and its window, all in time again where they were seen along a course."""
+        clock = self.clock
+        if clock is None:
+            return self, fit_mode, window
+        phases, settled = clock.in_time(self.phases), fit_mode.steady_since
+        log = replace(
+            self, time=clock.time, drive=clock.drive, phases=phases, verdict=replace(self.verdict, phases=phases)
+        )
+        settled = None if settled is None else float(clock.back(np.array(settled)))
+        begin, end = clock.back(np.array(window)).tolist()
+        return log, replace(fit_mode, steady_since=settled), (begin, end)
 
     @property
     def record(self) -> Record:
@@ -140,18 +194,23 @@ def segmented(entry: LogEntry, record: Record, rig: Rig, *, elastic: bool = True
     force = -force if sign < 0 else force
     inner = slice(int(np.argmax(used)), used.size - int(np.argmax(used[::-1])))
     time, measured = record.time[inner], shown(force, used)[inner]
+    clock = DriveClock.of(drive, time) if drive.accelerates else None
+    if clock is not None:
+        time, drive = clock.shown, Drive.of(clock.speed)
     known = Known(rig.stiffness if elastic else 0.0, max(drive.speeds), rig.half_period or 0.0, rig.plate)
     if not drive.constant:
         verdict = _verdict_on_programme(time, measured, rig, drive, known)
     else:
-        verdict = of_strokes(time, measured, turns_of_sign(measured), known, rig.noise)
+        turns = turns_of_sign(measured) if clock is None else [(0, measured.size, 0)]  # a course is cut at its turns
+        verdict = of_strokes(time, measured, turns, known, rig.noise)
     phases = verdict.phases
     if phases.low_snr:  # half lost in the noise: those that the period of the rig shows; the model fills in the others
         phases = segment(time, measured, half_period=rig.half_period or None, noise=rig.noise, plate=rig.plate)
     counted = used.copy()
     counted[inner] &= ~phases.spikes
     noise = rig.noise or phases.noise
-    return Segmented(entry, rig, drive, corrected, sign, force, used, counted, time, measured, phases, noise, verdict)
+    seen = time, measured, phases, noise, verdict
+    return Segmented(entry, rig, drive, corrected, sign, force, used, counted, *seen, clock)
 
 
 def _drive(rig: Rig, entry: LogEntry, record: Record) -> Drive:
@@ -159,8 +218,12 @@ def _drive(rig: Rig, entry: LogEntry, record: Record) -> Drive:
     name = name_of(entry)
     if rig.drive_speed is None:
         raise FitError(f'{name} has no drive speed; give drive_speed = "… mm/s" in its [[logs]] or under [rig]')
-    pieces = Drive.of(rig.drive_speed).within(*(entry.window or (0.0, float(record.time[-1]))))
+    window, end = entry.window or (0.0, float(record.time[-1])), float(record.time[-1])
+    drive = Drive.of(rig.drive_speed, end, FITTED_PIECES)
+    along = drive.between(*window) if drive.accelerates else None
+    pieces = drive.within(*window) if along is None else list(zip(along.starts, along.speeds, strict=True))
     speeds = [speed for _, speed in pieces]
+    speeds = [speed if abs(speed) > ROUNDING * max(map(abs, speeds)) else 0.0 for speed in speeds]
     if not any(speeds):
         raise FitError(
             f"{name} has a drive speed of 0 m/s; expected a moving drive, since a hold alone cannot be fitted: give "
@@ -168,6 +231,8 @@ def _drive(rig: Rig, entry: LogEntry, record: Record) -> Drive:
         )
     if min(speeds) < 0.0 < max(speeds):
         raise FitError(f"{name} has a drive that turns within the part that is used; cut it into one window per stroke")
+    if along is not None:
+        return drive.between(*window, sign=-1.0 if min(speeds) < 0.0 else 1.0)
     changes = ((t, abs(speed)) for (_, before), (t, speed) in pairwise(pieces) if speed != before)
     return Drive.of(((0.0, abs(speeds[0])), *changes))
 
@@ -197,13 +262,12 @@ def _verdict_on_programme(time: Array, force: Array, rig: Rig, drive: Drive, kno
     """The regime where the drive changes its speed or stands: slips are found without its rests, along its way."""
     half_period, moves = rig.half_period or None, _moves(drive, time)
     phases = segment(time, force, half_period=half_period, noise=rig.noise, plate=rig.plate)
-    names = ("onset", "fall", "arrest")
     if not np.all(moves) and np.count_nonzero(moves) >= FEWEST:
         moved, steps = time[moves], np.diff(time[moves])
         run = np.concatenate([[0.0], np.cumsum(np.minimum(steps, GAP * float(np.median(steps))))])
         cycles = segment(run, force[moves], half_period=half_period, noise=phases.noise, plate=rig.plate).cycles
         # From the row before: what ends where the drive stops ends there, and not where it starts again.
-        before = {name: np.maximum(np.searchsorted(run, getattr(cycles, name)) - 1, 0) for name in names}
+        before = {name: np.maximum(np.searchsorted(run, getattr(cycles, name)) - 1, 0) for name in EVENTS}
         times = {name: moved[row] + getattr(cycles, name) - run[row] for name, row in before.items()}
         phases = replace(phases, cycles=replace(cycles, **times))
     if not changes_speed(tuple(zip(drive.starts, drive.speeds, strict=True))):
@@ -211,7 +275,7 @@ def _verdict_on_programme(time: Array, force: Array, rig: Rig, drive: Drive, kno
     if phases.count and known.loading_rate:
         steps = np.diff(time) * np.where(moves[:-1], [drive.at(t) for t in time[:-1]], 0.0) / known.drive_speed
         travel, rows = np.concatenate([[0.0], np.cumsum(steps)]), np.append(steps > 0.0, True)
-        times = {name: np.interp(getattr(phases.cycles, name), time, travel) for name in names}
+        times = {name: np.interp(getattr(phases.cycles, name), time, travel) for name in EVENTS}
         cycles = replace(phases.cycles, **times)
         along = replace(phases, cycles=cycles, at_drive=None, spikes=phases.spikes[rows], phase=phases.phase[rows])
         if not classify(travel[rows], force[rows], known, given=along).phases.count:
@@ -288,7 +352,14 @@ def steady_since(time: Array, force: Array, noise: float, half_period: float) ->
 
 
 def moving_pieces(drive: Drive, begin: float, end: float) -> list[tuple[float, float, float]]:
-    """(start [s], stop [s], speed [m/s]) of the stretches of a window in which the drive moves."""
+    """(start [s], stop [s], speed [m/s]) of the stretches of a window in which the drive moves; a course in thirds."""
+    if drive.accelerates:
+        times = np.linspace(begin, end, THIRDS + 1)
+        means = np.diff(drive.motion(times)[0]) / np.diff(times)
+        fast = means > 0.5 * np.max(means)  # else it may still turn the force
+        return [
+            (a, b, v) for (a, b), v, kept in zip(pairwise(times.tolist()), means.tolist(), fast, strict=True) if kept
+        ]
     edges = pairwise([begin, *drive.changes(begin, end), end])
     return [(a, b, drive.at(0.5 * (a + b))) for a, b in edges if drive.at(0.5 * (a + b)) > 0.0]
 
@@ -460,7 +531,7 @@ class Prepared:
         """How much the force drop differs from one settled cycle to the next, as a share of the mean drop, beyond
         what the noise and the normal force do; 0 with fewer than four cycles. A slow drift does not count."""
         cycles, load = self.segmentation.cycles, self.data.normal_force
-        if self.fit_mode.name != "cycles" or cycles.count < 4:
+        if self.fit_mode.name != "cycles" or cycles.count < 4 or self.data.on_course:  # there each rest has its length
             return 0.0
         mean = float(np.mean(load.values))
         drop = cycles.onset_force * mean / load.at(cycles.onset) - cycles.arrest_force * mean / load.at(cycles.arrest)
@@ -497,6 +568,12 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
     slip_times = log.phases.cycles.fall[entry.skip_cycles :]
     fit_mode = fit_mode_of(log, log.phases, slip_times, stiffness)
     window = fitted_window(log, log.phases, fit_mode, entry.skip_cycles)
+    if log.clock is not None and fit_mode.name == "cycles" and log.phases.count:  # slips near the turn are not seen
+        cycles = log.phases.cycles
+        sticks = cycles.onset[1:] - cycles.arrest[:-1] if cycles.count > 1 else cycles.onset - window[0]
+        window = window[0], min(window[1], float(cycles.arrest[-1] + LAST_STICK * np.median(sticks)))
+    log, fit_mode, window = log.in_time(fit_mode, window)
+    slip_times = log.phases.cycles.fall[entry.skip_cycles :]
     load, hidden = _load(log, window, judgement, scene, follows=model.follows_load)
     prepared = Prepared(
         record=log.record,
@@ -553,7 +630,7 @@ def _load(
         if judgement.verdict != "reject":
             raise
         return LoadSpline(NormalForce.of(1.0)), 0.0  # the log is left out: nothing is computed with it
-    programme = log.speed if log.drive.constant else tuple(zip(log.drive.starts, log.drive.speeds, strict=True))
+    programme = log.speed if log.drive.constant else log.drive.paces
     scene.check_ranges(log.entry, programme, (min(load.force.values), max(load.force.values)))
     return load, hidden
 
@@ -569,7 +646,7 @@ def _data(log: Segmented, load: LoadSpline, window: tuple[float, float], unknown
         force=np.where(np.isfinite(log.force), log.force, 0.0),
         weight=np.where(log.counted, 1.0 / max(noise, 1e-12) ** 2, 0.0),
         base=unknowns.base({"mass": rig.mass, "stiffness": rig.stiffness, "damping": rig.damping}),
-        drive_speed=log.speed,
+        drive_speed=log.speed if log.clock is None else log.clock.speed,
         normal_force=load.force,
         normal_force_sd=float(np.hypot(load.sd, REPEATABLE * mean)),
         begin=window[0],
@@ -655,6 +732,8 @@ def settled_part(prepared: Prepared) -> Prepared | None:
     the record that its level is none of it."""
     since = prepared.fit_mode.steady_since
     if since is None or prepared.fit_mode.name == "cycles":
+        return None
+    if prepared.data.on_course:
         return None
     if prepared.data.programme is not None:
         since = max(since, prepared.data.programme.starts[-1])

@@ -20,6 +20,7 @@ from data_io.values import Finding
 from identify.base.wording import speed_text
 from identify.logs.noise import bridged, smooth, white_noise
 from identify.scene import Scene
+from identify.scene.tables import Course
 from identify.scene.values import LogEntry
 from identify.simulation.drive import Drive
 
@@ -247,7 +248,12 @@ def with_drive_checked(scene: Scene, entry: LogEntry, record: Record) -> Record:
     time = time[(time >= start) & (time <= end)]
     for begin, until in entry.exclude:
         time = time[(time < begin) | (time > until)]
-    if stated is None or time.size < 2 or any(finding.code == DISAGREES for finding in record.findings):
+    if (
+        stated is None
+        or isinstance(stated, Course)
+        or time.size < 2
+        or any(finding.code == DISAGREES for finding in record.findings)
+    ):
         return record
     recorded, head = recorded_drive(record), velocity_in_head(record)
     if recorded.programme is not None:

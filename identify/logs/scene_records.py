@@ -25,8 +25,9 @@ from identify.logs.recorded_drive import drive_position, recorded_drive, with_dr
 from identify.logs.unknowns import Unknowns, from_scene
 from identify.logs.vibration import tuned
 from identify.scene import Scene
+from identify.scene.tables import Course
 from identify.scene.values import LogEntry
-from identify.simulation.drive import Drive
+from identify.simulation.drive import FITTED_PIECES, Drive
 
 Array = NDArray[np.float64]
 Span = tuple[float, float]
@@ -257,7 +258,12 @@ def _strokes(scene: Scene, entry: LogEntry, record: Record) -> list[LogEntry]:
     pairs, speed = rig.drive_speed, rig.drive_speed
     if record.time.size == 0 or speed is None:
         return [entry]
-    if not isinstance(speed, tuple):
+    end = float(record.time[-1])
+    if isinstance(speed, Course):  # from turn to turn
+        course = Drive.of(speed, end)
+        turns = [0.0, *(t for t in course.turns() if t < end)]
+        pairs = tuple((t, course.at(0.5 * (t + until))) for t, until in pairwise([*turns, end]))
+    elif not isinstance(speed, tuple):
         name = drive_position(record) if rig.stiffness > 0.0 else None
         motion = None if name is None else motion_of(record, name)
         signed = [(p.time, float(np.sign(p.speed)) * abs(speed)) for p in motion.pieces] if motion else []
@@ -279,12 +285,12 @@ def _strokes(scene: Scene, entry: LogEntry, record: Record) -> list[LogEntry]:
     for number, (sign, first, last) in enumerate(spans, 1):
         if np.diff(np.searchsorted(record.time, [first, last]))[0] < LEAST:
             continue
-        turns = number > 1 and spans[number - 2][2] == first  # without a rest
+        at_once = number > 1 and spans[number - 2][2] == first  # without a rest
         out.append(
             replace(
                 entry,
-                window=(first + min(slip, 0.1 * (last - first)) if turns else first, last),
-                drive_speed=pairs,
+                window=(first + min(slip, 0.1 * (last - first)) if at_once else first, last),
+                drive_speed=speed if isinstance(speed, Course) else pairs,
                 flip_sign=not entry.flip_sign if entry.flip_sign is not None and sign < 0 else entry.flip_sign,
                 labels={STROKE: f"{number} {'forth' if sign > 0 else 'back'}"} | dict(entry.labels),
             )
@@ -305,7 +311,7 @@ def _without_gaps(scene: Scene, entry: LogEntry, record: Record) -> list[LogEntr
     unrecorded = [(float(known[i]), float(known[i + 1])) for i in long]
     unrecorded = [hole for hole in unrecorded if start < hole[0] and hole[1] < stop]
     holes = sorted({*entry.exclude, *(unrecorded if len(unrecorded) <= MOST_PAUSES else ())})
-    drive, edges = Drive.of(rig.drive_speed), [start]
+    drive, edges = Drive.of(rig.drive_speed, float(time[-1]), FITTED_PIECES), [start]
     for first, last in holes:
         if start < first and last < stop and not _bridged(entry, record, drive, rig.stiffness, first, last):
             edges += [first, last]
@@ -337,8 +343,7 @@ def _bridged(entry: LogEntry, record: Record, drive: Drive, stiffness: float, fi
         return False
     t, f = record.time, record.friction_force
     begin, end = float(t[before].mean()), float(t[after].mean())
-    times = [begin, *(c for c in drive.starts if begin < c < end), end]
-    expected = abs(stiffness * sum((b - a) * drive.at(0.5 * (a + b)) for a, b in pairwise(times)))
+    expected = abs(stiffness * float(np.diff(drive.motion([begin, end])[0])[0]))
     noise = float(np.median(np.abs(np.diff(f[finite])))) / (0.6745 * np.sqrt(2.0))
     rise = abs(float(f[after].mean() - f[before].mean()))
     return bool(abs(rise - expected) <= max(SURE * noise * np.sqrt(2.0 / BESIDE), SHARE * expected))

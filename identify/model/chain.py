@@ -21,21 +21,22 @@ class Chain:
     states: tuple[tuple[str, ClosedFormSignal], ...]
 
 
-def chain(m: Composition) -> Chain:
-    """The chain that rests from x and ends at the time of the inputs."""
+def chain(m: Composition, acceleration: Expression = 0.0) -> Chain:
+    """The chain that rests from x and ends at the time of the inputs; acceleration [m/s^2]: of the drive meanwhile."""
     terms = m.ports(m.situation(m.x, at_rest=True))
     loading = sum(term.loading for term in terms)
     start = m.time - m.t
-    faster = 0.0 if absent(loading) else m.drive_speed * loading
-    slope = m.drive_speed + faster + m.drift
+    begun = m.drive_speed - acceleration * m.t
+    faster, bent = (0.0, 0.0) if absent(loading) else (begun * loading, acceleration * loading)
+    slope = begun + faster + m.drift
     value, waves = m.x[ELONGATION], []
     for w in m.waves:
         psi = w.omega * start + w.phase
         value = value - w.amplitude * ca.sin(psi)
         waves.append((w.amplitude * ca.sin(psi), w.amplitude * ca.cos(psi), w.omega))
-    stretch = ClosedFormSignal(value, slope, tuple(waves))
+    stretch = ClosedFormSignal(value, slope, tuple(waves), (), 0.5 * (acceleration + bent))
     # The spring alone is loaded faster: the damper feels the drive as it does in slip, so no force jumps there.
-    strain = stretch.rate() + ClosedFormSignal(-faster, 0.0)
+    strain = stretch.rate() + ClosedFormSignal(-faster, -bent)
     k, c = m.values.stiffness, m.damping
     held, straining, states = stretch, strain, []
     if m.series is not None:
@@ -51,9 +52,9 @@ def chain(m: Composition) -> Chain:
     return Chain(stretch, pulled, tuple(states))
 
 
-def rested(m: Composition) -> ca.SX:
-    """x after resting for t from x, ending at the time of the inputs."""
-    parts = chain(m)
+def rested(m: Composition, acceleration: Expression = 0.0) -> ca.SX:
+    """x after resting for t from x, ending at the time of the inputs, under a drive of that acceleration [m/s^2]."""
+    parts = chain(m, acceleration)
     after = {"elongation": parts.elongation.at(m.t), "sliding_speed": 0.0}
     after |= {name: signal.at(m.t) for name, signal in parts.states}
     clock = m.clock()
@@ -64,9 +65,9 @@ def rested(m: Composition) -> ca.SX:
     return ca.vertcat(*(after.get(name, m.x[i]) for i, name in enumerate(m.names)))
 
 
-def calm_force(m: Composition) -> Expression:
+def calm_force(m: Composition, acceleration: Expression = 0.0) -> Expression:
     """Force that tries to move the mass after resting for t [N], without the motions to and fro."""
-    return replace(chain(m).pull, waves=()).at(m.t)
+    return replace(chain(m, acceleration).pull, waves=()).at(m.t)
 
 
 def decays(m: Composition) -> list[Expression]:

@@ -8,7 +8,7 @@ the drive with all its motions). The friction law is formed here and nowhere els
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import casadi as ca
@@ -42,6 +42,7 @@ __all__ = [
     "ForceSensorPlace",
     "Model",
     "assemble",
+    "on_course",
 ]
 
 
@@ -85,6 +86,7 @@ class Model:
     follows_load: bool  # whether the course of the normal force counts, or only its mean
     inertial: bool  # whether the mass resists acceleration; without it nothing is simulated or fitted
     force_sensor: ForceSensorPlace = "drive"  # between drive and mass, or under the counterface
+    on_course: bool = False  # rest and calm_force take the acceleration of the drive [m/s^2] as one more, last argument
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -104,6 +106,21 @@ class Model:
     def parameter(self, name: str) -> Parameter:
         """The declaration of one parameter."""
         return self.parameters[self.parameter_names.index(name)]
+
+
+@lru_cache(maxsize=64)
+def on_course(model: Model) -> Model:
+    """The model under a drive whose speed is piecewise linear in time: while the mass rests its acceleration counts.
+
+    At constant speed the model itself is taken, so that a course costs only where there is one.
+    """
+    m = Composition(_choose(model.effects), model.force_sensor == "counterface")
+    acceleration = ca.SX.sym("acceleration")
+    rest, calm = (
+        ca.Function(name, [m.x, m.p, m.u, m.t, acceleration], [ca.densify(ca.SX(result))])
+        for name, result in (("rest", chain.rested(m, acceleration)), ("calm_force", chain.calm_force(m, acceleration)))
+    )
+    return replace(model, rest=rest, calm_force=calm, on_course=True)
 
 
 def _choose(names: Sequence[str]) -> tuple[Effect, ...]:

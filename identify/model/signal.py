@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 
@@ -22,7 +22,7 @@ Decay = tuple[Expression, tuple[Expression, ...]]
 
 @dataclass(frozen=True)
 class ClosedFormSignal:
-    """value + slope t + sum(c cos(w t) + s sin(w t)) + sum(a decay(rates)), t [s] from the start of the rest.
+    """value + slope t + bend t^2 + sum(c cos(w t) + s sin(w t)) + sum(a decay(rates)), t [s] since the rest began.
 
     waves: (c, s, w) each; decays: (a, rates) each, see `decay`.
     """
@@ -31,10 +31,11 @@ class ClosedFormSignal:
     slope: Expression
     waves: tuple[tuple[Expression, Expression, Expression], ...] = ()
     decays: tuple[Decay, ...] = ()
+    bend: Expression = 0.0
 
     def at(self, t: Expression) -> Expression:
         """The signal at time t [s]."""
-        out = self.value + self.slope * t
+        out = self.value + self.slope * t + self.bend * t * t
         for c, s, w in self.waves:
             out = out + c * ca.cos(w * t) + s * ca.sin(w * t)
         for a, rates in self.decays:
@@ -46,7 +47,7 @@ class ClosedFormSignal:
         decays = tuple((-rates[-1] * a, rates) for a, rates in self.decays)
         shorter = tuple((a, rates[:-1]) for a, rates in self.decays if len(rates) > 1)
         waves = tuple((s * w, -c * w, w) for c, s, w in self.waves)
-        return ClosedFormSignal(self.slope, 0.0, waves, decays + shorter)
+        return ClosedFormSignal(self.slope, 2.0 * self.bend, waves, decays + shorter)
 
     def __add__(self, other: ClosedFormSignal) -> ClosedFormSignal:
         """The sum of two signals; what they have in common is written once."""
@@ -63,7 +64,8 @@ class ClosedFormSignal:
                 decays.append((a, rates))
             else:
                 decays[same] = (decays[same][0] + a, rates)
-        return ClosedFormSignal(self.value + other.value, self.slope + other.slope, tuple(waves), tuple(decays))
+        value, slope, bend = self.value + other.value, self.slope + other.slope, self.bend + other.bend
+        return ClosedFormSignal(value, slope, tuple(waves), tuple(decays), bend)
 
     def times(self, factor: Expression) -> ClosedFormSignal:
         """The signal times a constant."""
@@ -72,6 +74,7 @@ class ClosedFormSignal:
             factor * self.slope,
             tuple((factor * c, factor * s, w) for c, s, w in self.waves),
             tuple((factor * a, rates) for a, rates in self.decays),
+            factor * self.bend,
         )
 
     def lagged(self, rate: Expression, start: Expression) -> ClosedFormSignal:
@@ -80,9 +83,12 @@ class ClosedFormSignal:
         for c, s, w in self.waves:
             share = rate / (rate**2 + w**2)
             waves.append((share * (rate * c - w * s), share * (rate * s + w * c), w))
-        steady = ClosedFormSignal(self.value - self.slope / rate, self.slope, tuple(waves))
+        late = 2.0 * self.bend / rate  # of the slope
+        steady = ClosedFormSignal(
+            self.value - (self.slope - late) / rate, self.slope - late, tuple(waves), (), self.bend
+        )
         decays = tuple((rate * a, (*rates, rate)) for a, rates in self.decays)
-        return ClosedFormSignal(steady.value, steady.slope, steady.waves, (*decays, (start - steady.at(0.0), (rate,))))
+        return replace(steady, decays=(*decays, (start - steady.at(0.0), (rate,))))
 
 
 def decay(rates: Sequence[Expression], t: Expression) -> Expression:

@@ -276,7 +276,7 @@ def stability_map(
     """
     if isinstance(scene, Scene):
         speed, load = scene.rig.drive_speed, scene.rig.normal_force
-        if isinstance(speed, tuple) or not speed or not load:
+        if not isinstance(speed, float) or not speed or not load:
             raise SimulationError("the scene gives no single drive speed or no normal force; state both under [rig]")
         area, exponent = scene.contact.area_at(load), scene.contact.exponent or 0.0
         scene = Site(scene.model, scene.values(None), abs(speed), load, area, exponent)

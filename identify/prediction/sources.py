@@ -100,7 +100,7 @@ def scenes_at(scene: Scene, entry: LogEntry | None, log: LogResult, given: Mappi
     drive = given.get("drive_speed", rig.drive_speed or log.drive_speed_m_per_s or 0.0)
     loads = (given.get("normal_force"), log.normal_force_N, rig.normal_force)
     load = next((float(force) for force in loads if force is not None), None)
-    speeds = dict.fromkeys(abs(speed) for speed in Drive.of(drive).speeds if speed)
+    speeds = dict.fromkeys(abs(speed) for _, speed in Drive.of(drive).paces if speed)
     if load is None and entry is not None and speeds:
         part = {"run": entry.run, "rate": entry.rate, "exclude": unused(entry)}
         record = read_log(entry.path, entry.step, entry.units, entry.columns, **part)  # type: ignore[arg-type]

@@ -159,7 +159,8 @@ def fitted_curves(
     for row, which in enumerate(ends):
         times, states = trajectory.until[which], trajectory.at_end(which)
         one = np.ones(times.size)
-        u = np.column_stack([log.data.drive_speed * one, log.data.normal_force.at(times), one, times])
+        speeds = np.array([log.data.speed_at(t) for t in times.tolist()])
+        u = np.column_stack([speeds, log.data.normal_force.at(times), one, times])
         forces[row] = batch.load_cell(unknowns.model, states, np.tile(p, (times.size, 1)), u)
     return replace(
         detected_curves(log),

@@ -32,7 +32,17 @@ from identify.scene.tables import (
     text,
 )
 from identify.scene.toml import TOP, Tables, is_rig, located, to_fill_in
-from identify.scene.values import LOG, RIG_TOLERANCES, USUAL_TOLERANCES, Contact, Initial, LogEntry, ParameterSpec, Rig
+from identify.scene.values import (
+    LOG,
+    RIG_TOLERANCES,
+    USUAL_TOLERANCES,
+    Contact,
+    DriveSpeed,
+    Initial,
+    LogEntry,
+    ParameterSpec,
+    Rig,
+)
 
 Effects = tuple[str, ...] | Literal["auto"]
 AREA = '[contact] area = "0.8 cm^2"'
@@ -143,15 +153,27 @@ def _rig(value: object, effects: Effects) -> tuple[Rig, float | None]:
     ratio = factor if zeta is None else 2.0 * zeta
     values["damping"] = values["damping"] or 0.0 if ratio is None else ratio * values["stiffness"]
     values["force_sensor"] = table.get("force_sensor") or "drive"
+    values["drive_speed"] = _drive(table, values["drive_speed"])
     return Rig(**values, tolerances=tolerances, ratio_tolerances=ratios), ratio
+
+
+def _drive(table: TomlTable, speed: DriveSpeed | None) -> DriveSpeed | None:
+    """The speed of the drive, or its course."""
+    if speed is not None and "drive" in table.data:
+        raise SceneError(f"{table.where} gives both drive_speed and drive; keep one of them")
+    return table.get("drive") if "drive" in table.data else speed
 
 
 def _log_entry(value: object, number: int, folder: Path, ratio: float | None) -> LogEntry:
     """One log of the scene; the damping follows its own stiffness where [rig] states it by the ratio h/k."""
-    table = TomlTable.of(value, f"[[logs]] number {number}", LOG, '[[logs]] path = "slow.csv"')
+    table = TomlTable.of(
+        value, f"[[logs]] number {number}", {**LOG, "drive": RIG["drive"]}, '[[logs]] path = "slow.csv"'
+    )
     if "path" not in table.data:
         raise SceneError(f'{table.where} has no path; give path = "slow.csv", relative to the scene file')
     values = table.values()
+    values["drive_speed"] = _drive(table, values.get("drive_speed"))
+    values.pop("drive", None)
     if ratio is not None and "stiffness" in values:
         values = {"damping": ratio * values["stiffness"]} | values
     return LogEntry(**(values | {"path": located(folder, values["path"])}))

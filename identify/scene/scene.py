@@ -20,7 +20,7 @@ from identify.effects import ALL
 from identify.effects.quantities import Parameter
 from identify.model.model import FRICTION_PARAMETERS, RIG_PARAMETERS, Model, assemble
 from identify.scene.parts import declared_by, default_spec, known_effects, read_parts
-from identify.scene.tables import TIED
+from identify.scene.tables import TIED, Course
 from identify.scene.toml import Tables, question_bare_numbers, read_toml, with_rig_file
 from identify.scene.values import EACH_LOG, Contact, DriveSpeed, Initial, LogEntry, ParameterSpec, Rig
 
@@ -146,7 +146,8 @@ class Scene(Spelled):
             "tolerances": dict(self.tolerances),
         }
         usual = ("force_sensor",) if rig.force_sensor == "drive" else ()
-        table = _stated(asdict(rig), without=("tolerances", "ratio_tolerances", *usual))
+        table = _with_course(asdict(rig), rig.drive_speed)
+        table = _stated(table, without=("tolerances", "ratio_tolerances", *usual))
         table |= {name: {"value": table[name], "tolerance": share} for name, share in rig.tolerances.items()}
         if "zeta" in rig.ratio_tolerances:
             del table["damping"]
@@ -162,7 +163,10 @@ class Scene(Spelled):
             **{name: part for name, part in optional.items() if part},
             "initial": asdict(self.initial),
             "parameters": {name: _table_of(s) for name, s in self.parameters.items() if listed or s.stated},
-            "logs": [_stated(asdict(entry)) | {"path": str(entry.path.absolute())} for entry in self.logs],
+            "logs": [
+                _stated(_with_course(asdict(entry), entry.drive_speed)) | {"path": str(entry.path.absolute())}
+                for entry in self.logs
+            ],
         }
 
     @property
@@ -228,6 +232,7 @@ class Scene(Spelled):
         """
         rig = self.rig if log is None else self.rig_for(log)
         speed = drive_speed or rig.drive_speed or 0.0
+        speed = speed.fastest if isinstance(speed, Course) else speed
         speeds = [pace for _, pace in speed if pace] if isinstance(speed, tuple) else [speed] if speed else []
         loads = list(normal_forces) or ([] if rig.normal_force is None else [rig.normal_force])
         for effect in ALL:
@@ -309,6 +314,11 @@ def _plain(value: object) -> object:
 def _stated(table: Mapping[str, object], without: Sequence[str] = ()) -> Tables:
     """The table without what it does not state; tuples become lists, as in JSON."""
     return {key: _plain(v) for key, v in table.items() if v is not None and v != () and v != {} and key not in without}
+
+
+def _with_course(table: Tables, drive: DriveSpeed | None) -> Tables:
+    """The table of a rig or a log with the course of its drive as a scene file has it."""
+    return table | {"drive_speed": None, "drive": drive.table} if isinstance(drive, Course) else table
 
 
 def _table_of(spec: ParameterSpec) -> Tables:

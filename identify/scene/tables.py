@@ -97,6 +97,48 @@ def speed(value: object, unit: str, where: str) -> float | tuple[tuple[float, fl
     return tuple((stated(start, "s", where), stated(pace, unit, where)) for start, pace in value)
 
 
+@dataclass(frozen=True)
+class Course:
+    """A drive whose speed changes gradually: the position sine[0] sin(2 pi sine[1] t + sine[2]), with amplitude [m],
+    frequency [Hz] and phase [rad]; or, where that is None, ramps of the speed, straight from each (time [s], speed
+    [m/s]) to the next, the last one kept."""
+
+    sine: tuple[float, float, float] | None = None
+    ramps: tuple[tuple[float, float], ...] = ()
+
+    @property
+    def fastest(self) -> float:
+        """Highest speed, to either side [m/s]."""
+        if self.sine is None:
+            return max(abs(pace) for _, pace in self.ramps)
+        return 2.0 * math.pi * self.sine[0] * self.sine[1]
+
+    @property
+    def table(self) -> dict[str, object]:
+        """As a scene file has it, in SI."""
+        if self.sine is None:
+            return {"ramps": [list(pair) for pair in self.ramps]}
+        return {"sine": dict(zip(("amplitude", "frequency", "phase"), self.sine, strict=True))}
+
+
+def course(value: object, unit: str, where: str) -> Course:
+    """A sine, or ramps between speeds."""
+    table = TomlTable.of(value, where, ("sine", "ramps"), '{ sine = { amplitude = "2 mm", frequency = "1 Hz" } }')
+    if len(table.data) != 1:
+        raise SceneError(f"{where} is {value!r}; expected either sine = {{ … }} or ramps = [ … ]: keep exactly one")
+    if "sine" in table.data:
+        inner = TomlTable.of(table.data["sine"], f"{where} sine", SINE, '{ amplitude = "2 mm", frequency = "1 Hz" }')
+        missing = [name for name in ("amplitude", "frequency") if name not in inner.data]
+        if missing:
+            raise SceneError(f'{where} sine has no {missing[0]}; give amplitude = "2 mm", frequency = "1 Hz"')
+        return Course((inner.get("amplitude"), inner.get("frequency"), inner.get("phase") or 0.0))
+    ramps = table.data["ramps"]
+    pairs = speed(ramps, unit, f"{where} ramps") if isinstance(ramps, (list, tuple)) else ()
+    if not isinstance(pairs, tuple) or len(pairs) < 2:
+        raise SceneError(f'{where} ramps is {ramps!r}; expected two pairs at least: [[0, "0 mm/s"], [5, "1 mm/s"]]')
+    return Course(ramps=pairs)
+
+
 def span(value: object, _unit: str, where: str) -> tuple[float, float]:
     """A pair of times [s]."""
     if not isinstance(value, (list, tuple)) or len(value) != 2:
@@ -184,10 +226,16 @@ RIG: Mapping[str, Key] = {
     "loss_factor": Key(),
     "log_decrement": Key(),
     "drive_speed": Key("m/s", speed, usual=(1e-9, 1.0, "mm/s")),
+    "drive": Key("m/s", course),
     "normal_force": Key("N", sign=POSITIVE, usual=(1e-4, 1e4, "mN")),
     "noise": Key("N", sign=POSITIVE),
     "force_sensor": Key(read=one_of(FORCE_SENSORS)),
     "arm": Key("m", sign=POSITIVE, usual=(1e-4, 10.0, "mm")),
+}
+SINE: Mapping[str, Key] = {
+    "amplitude": Key("m", sign=POSITIVE),
+    "frequency": Key("Hz", sign=POSITIVE),
+    "phase": Key("rad"),
 }
 CONTACT: Mapping[str, Key] = {"area": Key("m^2", sign=POSITIVE), "area_law": Key()}
 AREA_LAW: Mapping[str, Key] = {"coefficient": Key("m^2", sign=POSITIVE), "exponent": Key()}
@@ -200,7 +248,8 @@ def check(where: str, key: Key, value: object) -> None:
     Raises:
         SceneError: its sign or its size; a programme whose times do not rise from 0.
     """
-    if isinstance(value, tuple) and key.read is speed:
+    value = value.ramps if isinstance(value, Course) else value
+    if isinstance(value, tuple) and value and key.read in (speed, course):
         starts = [start for start, _ in value]
         if not starts or starts[0] != 0.0 or any(b <= a for a, b in pairwise(starts)):
             raise SceneError(

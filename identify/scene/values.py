@@ -11,9 +11,9 @@ from typing import Annotated, get_type_hints
 from identify.base.errors import SceneError
 from identify.model.composition import ForceSensorPlace
 from identify.scene import tables
-from identify.scene.tables import AREA_LAW, CONTACT, INITIAL, NOT_NEGATIVE, POSITIVE, RIG, Key, check
+from identify.scene.tables import AREA_LAW, CONTACT, INITIAL, NOT_NEGATIVE, POSITIVE, RIG, Course, Key, check
 
-DriveSpeed = float | tuple[tuple[float, float], ...]
+DriveSpeed = float | tuple[tuple[float, float], ...] | Course
 RIG_TOLERANCES = ("mass", "stiffness", "damping", "drive_speed")
 # What rigs and their force sensors are usually known to, relative, one standard deviation: a mass on a scale with what
 # moves along, a stiffness from a weight and a dial gauge, a damping from a ring-down, a drive, two calibrated sensors.
@@ -35,7 +35,7 @@ class Rig:
     """The machine around the contact, SI: mass m [kg] (0 only where no effect asks for it), stiffness k [N/m],
     damping h of eq. 1 [N/m].
 
-    `drive_speed` [m/s] is constant, or a programme of (start [s], speed [m/s]), piecewise constant;
+    `drive_speed` [m/s] is constant, a programme of (start [s], speed [m/s]), piecewise constant, or a `Course`;
     `normal_force` [N] only where a log has none; `noise` [N] is the standard deviation of the force; `force_sensor`:
     where that is measured, between "drive" and mass or under the "counterface"; `arm` [m] at which a measured torque
     acts.

@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 Equations = tuple["Symbols", ca.SX, ca.SX]  # symbols, rows (n_rows,), curve (coefficients, cells)
 
 REST_CELLS = 6  # cubics per block of a rest that is no straight line
+COURSE = 4  # constants of a block under a drive on a course
+SHORT = 1e-6  # of a rest: within it a course has not changed yet
 
 
 @dataclass(frozen=True)
@@ -37,16 +39,16 @@ class RestBlock:
         """Continuity to the node at the end, the onset guard there, and what the load cell shows meanwhile."""
         s = Symbols.of(model)
         p, start = s.parameters(model), s.at_rest(s.start)
-        u = s.inputs(s.force_end + s.force_slope * s.offset_end + s.deviation, s.reference + s.offset_end)
-        after = model.rest(start, p, u, s.duration)
-        if model.straight:
+        force = s.force_end + s.force_slope * s.offset_end + s.deviation
+        after, u = s.rested(model, start, p, (force, s.reference + s.offset_end, s.duration))
+        if model.straight and not model.on_course:
             before_force, after_force = model.load_cell(start, p, u), model.load_cell(after, p, u)
             slope = (after_force - before_force) / s.duration
             curve = ca.vertcat(before_force - slope * s.offset_start, slope * s.reference)
         else:
-            t, parts = ca.SX.sym("t"), REST_CELLS
-            meanwhile = s.inputs(s.force_start, s.offset_start + t)
-            force = model.load_cell(model.rest(start, p, meanwhile, t), p, meanwhile)
+            t, parts = ca.SX.sym("t"), 1 if model.straight else REST_CELLS
+            rested, meanwhile = s.rested(model, start, p, (s.force_start, s.offset_start + t, t))
+            force = model.load_cell(rested, p, meanwhile)
             shown = force, ca.jacobian(force, t)
             fractions = [s.first + (s.last - s.first) * j / parts for j in range(parts + 1)]
             points = [tuple(ca.substitute(q, t, s.duration * f) for q in shown) for f in fractions]
@@ -115,7 +117,8 @@ class AgeingBlock:
 
         freed, before = by_speed(model.renewed, start, ca.SX(0), ca.SX(0), release)
         arrested, after = by_speed(model.slip, freed, before, release, ca.SX(0))
-        return ca.SX(model.rest(s.at_rest(arrested), p, inputs(after), -after))
+        rising = [s.course[3]] if model.on_course else []
+        return ca.SX(model.rest(s.at_rest(arrested), p, inputs(after), -after, *rising))
 
 
 @dataclass(frozen=True)
@@ -138,7 +141,8 @@ class SlideBlock:
         p = s.parameters(model)
         swing = s.deviation_end - s.deviation if self.jitter else ca.SX(0)
         loads = s.force_start, s.force_slope, s.deviation, swing
-        course = ca.vertcat(s.drive_speed, *loads, s.duration, s.offset_start, s.since)
+        rising = [s.course[2]] if model.on_course else []
+        course = ca.vertcat(s.drive_speed, *loads, s.duration, s.offset_start, s.since, *rising)
         one, x, clamped = _step(model, self.renewed), ca.SX(s.start), _clamped(model, self.renewed)
         for i in clamped:
             x[i] = model.states[i].lower
@@ -200,6 +204,7 @@ class Symbols:
     theta: ca.SX
     base: ca.SX
     row_scale: ca.SX
+    course: ca.SX
     drive_speed: ca.SX
     force_start: ca.SX
     force_end: ca.SX
@@ -214,6 +219,7 @@ class Symbols:
         """Those of the blocks of a model."""
         n_x, n_p = len(model.states), len(model.parameters)
         sizes = {"start": n_x, "end": n_x, "theta": n_p, "base": n_p, "row_scale": n_x}
+        sizes["course"] = COURSE if model.on_course else 0
         return Symbols(**{name: ca.SX.sym(name, sizes.get(name, 1)) for name in Symbols.__annotations__})
 
     def slots(self, kind: BlockKind) -> ca.SX:
@@ -236,6 +242,25 @@ class Symbols:
     def inputs(self, force: ca.SX, t: ca.SX) -> ca.SX:
         """u of the model with a normal force [N], at a time after the phase began in the reference [s]."""
         return ca.vertcat(self.drive_speed, force, 1, self.since + t)
+
+    def rested(self, model: Model, start: ca.SX, p: ca.SX, then: tuple[ca.SX, ca.SX, ca.SX]) -> tuple[ca.SX, ca.SX]:
+        """State and u of the model at a moment of a rest from `start`; then: the normal force [N], the time since the
+        phase began in the reference [s], and how long the mass has rested [s].
+
+        Along a course the rest takes the acceleration with which the drive, as fast as it is at that moment, has moved
+        as far as it has: exact for all that follows the drive at once, and what lags sees the last moments.
+        """
+        force, t, duration = then
+        if not model.on_course:
+            u = self.inputs(force, t)
+            return model.rest(start, p, u, duration), u
+        before, pace, rising, first = ca.vertsplit(self.course)
+        since, late = t - self.first * self.reference, self.offset_start
+        u = ca.vertcat(pace + rising * since, force, 1, self.since + t)
+        moved = before + pace * since + 0.5 * rising * since**2 - (self.drive_speed * late + 0.5 * first * late**2)
+        excess = u[0] * duration - moved - 0.5 * rising * duration**2
+        shortest = SHORT * self.reference
+        return model.rest(start, p, u, duration, rising + 2 * excess / ca.fmax(duration, shortest) ** 2), u
 
     def parameters(self, model: Model) -> ca.SX:
         """p of the model: base + theta for a linear scale, base exp(theta) for a logarithmic one."""
@@ -285,7 +310,7 @@ def _step(model: Model, renewed: bool) -> ca.Function:
     less than to write the step out as often."""
     n_x = len(model.states)
     x, t, h = ca.SX.sym("x", n_x), ca.SX.sym("t"), ca.SX.sym("h")
-    p, course = ca.SX.sym("p", len(model.parameters)), ca.SX.sym("course", 8)
+    p, course = ca.SX.sym("p", len(model.parameters)), ca.SX.sym("course", 9 if model.on_course else 8)
     field, seed = model.renewed if renewed else model.slip, ca.SX.sym("rate", n_x + 1)
     shown = model.sliding_cell(x, p, _inputs(course, t))
     sensor = ca.Function("sensor", [x, t, p, course, seed], [shown, ca.jtimes(shown, ca.vertcat(x, t), seed)])
@@ -299,8 +324,10 @@ def _step(model: Model, renewed: bool) -> ca.Function:
 
 def _inputs(course: ca.SX, t: ca.SX) -> ca.SX:
     """u of the model at a time since a slip began. course (8,): drive speed, normal force, its slope, its deviation and
-    the swing of that until the end of the phase, its duration, offset and time of its start."""
-    drive_speed, force, slope, deviation, swing, duration, offset, since = ca.vertsplit(course)
+    the swing of that until the end of the phase, its duration, offset and time of its start; along a course of the
+    drive (9,) its acceleration as well."""
+    drive_speed, force, slope, deviation, swing, duration, offset, since, *rising = ca.vertsplit(course)
+    drive_speed = drive_speed + rising[0] * (offset + t) if rising else drive_speed
     force = force + slope * (offset + t) + deviation + swing * (t / duration) ** 2
     return ca.vertcat(drive_speed, force, 1, since + offset + t)
 
@@ -312,9 +339,10 @@ class Block:
     Slots, in order: state at the start (n_x,), state at the end (n_x,; absent in a rest without a node at its end),
     offset of the start time [s], offset of the end time [s], deviation of the normal force in this cycle from its
     measured course [N] (of a slide with load jitter two: at its onset, at its end), then the search variables (n_p,).
-    Constants, in order: base values of the parameters (n_p,), row scales (n_x,), drive speed, normal force at the start
-    and at the end of the phase and its slope, time of its start, reference duration of it, first and last fraction of
-    it.
+    Constants, in order: base values of the parameters (n_p,), row scales (n_x,), along a course of the drive its way
+    from the start of the phase to that of the block, its speed then and its accelerations from then on and at the start
+    of the phase (COURSE,), drive speed, normal force at the start and at the end of the phase and its slope, time of
+    its start, reference duration of it, first and last fraction of it.
     """
 
     kind: BlockKind

@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 
 from identify.logs.log_data import LogData
 from identify.logs.unknowns import Unknowns
-from identify.model.model import ELONGATION, SPEED, Model
+from identify.model.model import ELONGATION, SPEED, Model, on_course
 from identify.shooting.blocks import (
+    COURSE,
     REST_CELLS,
     AgeingBlock,
     Block,
@@ -36,6 +37,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 KNOWN = -1  # index of a slot that holds a constant
+NEXT = 1e-9  # of a rest: changes of the drive that are closer are one
 
 
 @dataclass(frozen=True)
@@ -207,7 +209,7 @@ class NlpBuilder:
         bounds = unknowns.lower[free], unknowns.upper[free]
         self.add(unknowns.start[free], unknowns.spread[free], bounds, (mean[free], sd[free]), about[free])
         self.groups: dict[tuple[int, str], int] = {}  # of logs: which unknown each shares
-        self.parts: dict[BlockKind, list[Family]] = {}
+        self.parts: dict[Block, list[Family]] = {}
 
     def add(
         self,
@@ -237,26 +239,24 @@ class NlpBuilder:
         return out
 
     def put(
-        self, kind: BlockKind, log: int, parts: Indices, slots: Array, constants: Array, edges: Array, own: Indices
+        self, of: Block, log: int, parts: Indices, slots: Array, constants: Array, edges: Array, own: Indices
     ) -> None:
         """Blocks of one kind in parts (n,) of a log: their slots (2, n, k) are the given ones and the parameters, of
         which this log has some for itself: own (n, n_p)."""
-        if not parts.size:
-            return
-        of, n = block(self.model, kind), parts.size
+        n = parts.size
         index = np.concatenate([slots[0], np.where(own >= 0, own, self.theta)], axis=1).astype(np.int64)
         value = np.concatenate([slots[1], np.broadcast_to(self.unknowns.start, own.shape)], axis=1)
         rows = self.rows + np.arange(n * of.n_rows).reshape(n, of.n_rows)
         self.rows += n * of.n_rows
         family = Family(of, index, value, constants, rows, np.full(n, log), parts, edges)
-        self.parts.setdefault(kind, []).append(family)
+        self.parts.setdefault(of, []).append(family)
 
     def families(self) -> tuple[Family, ...]:
         """All blocks so far, one family per kind."""
         names = [f.name for f in fields(Family) if f.name != "block"]
         return tuple(
-            Family(parts[0].block, *(np.concatenate([getattr(part, name) for part in parts]) for name in names))
-            for parts in self.parts.values()
+            Family(of, *(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+            for of, parts in self.parts.items()
         )
 
 
@@ -271,7 +271,7 @@ class _LogTranscriber:
         self, builder: NlpBuilder, number: int, log: LogData, trajectory: ShootingTrajectory, grid: Grid
     ) -> None:
         self.c, self.number, self.log, self.trajectory, self.grid = builder, number, log, trajectory, grid
-        model = self.model = builder.model
+        model = self.model = on_course(builder.model) if log.on_course else builder.model
         self.start_theta = trajectory.theta(builder.unknowns.start)
         self.p = builder.unknowns.values(self.start_theta, log.base)
         k, m = (self.p[model.parameter_names.index(n)] for n in ("stiffness", "mass"))
@@ -283,6 +283,8 @@ class _LogTranscriber:
         self.tick = 0.1 * float(np.sqrt(m / k))
         self.is_speed = np.arange(self.size.size) == SPEED
         self.clamped = np.arange(self.size.size) == (KNOWN if model.clamped is None else model.clamped)
+        self.scales = slice(log.base.size, log.base.size + self.size.size)  # among the constants, as the course
+        self.course = slice(self.scales.stop, self.scales.stop + COURSE)
         self.count = len(trajectory.modes)
         rests = int(trajectory.rests_at_end and max([log.begin, *trajectory.until[-1:]]) < log.end)
         modes = [mode[:2] for mode in trajectory.modes] + [("rest", "end")] * rests
@@ -412,16 +414,29 @@ class _LogTranscriber:
 
     def _constants(self, rows: Array, since: Array, until: Array, slope_at: Array) -> Array:
         """Constants (n, n_constants) of phases between times (n,) with row scales (n_x,) or (n, n_x)."""
-        out, load = np.zeros((since.size, self.log.base.size + self.size.size + 8)), self.log.normal_force
-        out[:, : self.log.base.size], out[:, self.log.base.size : -8] = self.log.base, rows
+        count, load = COURSE if self.model.on_course else 0, self.log.normal_force
+        out = np.zeros((since.size, self.log.base.size + self.size.size + count + 8))
+        out[:, : self.log.base.size], out[:, self.scales] = self.log.base, rows
         slopes = np.array([load.line(t)[1] for t in slope_at.tolist()])
-        columns = self._speeds(0.5 * (since + until)), load.at(since), load.at(until), slopes, since, until - since
+        speeds = self._speeds(since if count else 0.5 * (since + until))
+        columns = speeds, load.at(since), load.at(until), slopes, since, until - since
         out[:, -8:-2], out[:, -1] = np.stack(columns, axis=1), 1.0
+        if count:
+            out[:, self.course] = self._course(since, since, since)
         return out
+
+    def _course(self, begin: Array, part: Array, inside: Array) -> Array:
+        """Constants (n, COURSE) of rests that begin at times (n,), in parts that do: way of the drive until then, its
+        speed then, and its acceleration inside and at the begin."""
+        way = self.log.moved(part) - self.log.moved(begin)
+        rates = [np.array([self.log.acceleration_at(t) for t in times.tolist()]) for times in (inside, begin)]
+        return np.stack([way, self._speeds(part), *rates], axis=1)
 
     def _put(self, kind: BlockKind, of: Indices, slots: Sequence[Array], constants: Array, edges: Array) -> None:
         """Blocks (n,) of phases `of` (n,)."""
-        self.c.put(kind, self.number, self.part[of], _joined(*slots), constants, edges, self.own[of])
+        if of.size:
+            which = block(self.model, kind)
+            self.c.put(which, self.number, self.part[of], _joined(*slots), constants, edges, self.own[of])
 
     def _rests(self, nodes: Array) -> None:
         """Rests that end in a node, at an event or at a given time, or with the window."""
@@ -433,9 +448,15 @@ class _LogTranscriber:
             self._age(rests[aged], constants[aged])
         spans = (until - since).tolist()
         parts = [[(0.0, 1.0)] if straight else parts_of_rest(self.model, self.p, span) for span in spans]
+        if self.model.on_course:
+            parts = [self._bent(*each) for each in zip(parts, since.tolist(), until.tolist(), strict=True)]
         which = np.repeat(np.arange(rests.size), [len(p) for p in parts])
         final, of, own = np.diff(which, append=rests.size) > 0, rests[which], constants[which]
         own[:, -2:] = np.array([ends for p in parts for ends in p]).reshape(-1, 2)
+        if self.model.on_course:
+            begin, span = since[which], (until - since)[which]
+            inside = begin + own[:, -2:].mean(axis=1) * span
+            own[:, self.course] = self._course(begin, begin + own[:, -2] * span, inside)
         cells = 1 if straight else REST_CELLS
         shares = own[:, -2:-1] + (own[:, -1:] - own[:, -2:-1]) * np.arange(cells + 1) / cells
         edges = since[which, None] + (until - since)[which, None] * shares
@@ -450,6 +471,12 @@ class _LogTranscriber:
             ends = [] if kind.ended_by is None else [nodes[:, self.trajectory.first[i]]]
             slots = self.begin[:, i], *ends, self.offset[:, i], self.ends[:, i], self.load[:, i, 0]
             self._put(kind, i, slots, own[mine], edges[mine])
+
+    def _bent(self, parts: list[tuple[float, float]], since: float, until: float) -> list[tuple[float, float]]:
+        """Parts of a rest, as fractions of it, cut where the acceleration of the drive changes."""
+        changes = self.log.programme.changes(since, until) if self.log.programme is not None else []
+        cuts = np.unique([0.0, 1.0, *(a for a, _ in parts), *((t - since) / (until - since) for t in changes)])
+        return list(pairwise(cuts[np.append(np.diff(cuts) > NEXT, True)].tolist()))
 
     def _age(self, rests: Indices, constants: Array) -> None:
         """Nodes where the contact has aged before the mass rests. constants: of the rests that follow."""
@@ -484,11 +511,18 @@ class _LogTranscriber:
         forces, width = self.log.normal_force.at(since[:, None] + times), np.diff(times)[:, 0]
         slope = np.divide(np.diff(forces)[:, 0], width, out=np.zeros(of.size), where=width > 0.0)
         constants[:, -7], constants[:, -5] = forces[:, 0] - slope * times[:, 0], slope
+        if self.model.on_course:  # a line as well, along which the drive moves as far
+            ends = since[:, None] + times
+            speeds = np.stack([self._speeds(at) for at in ends.T], axis=1)
+            rising = np.divide(np.diff(speeds)[:, 0], width, out=np.zeros(of.size), where=width > 0.0)
+            way = np.diff(self.log.moved(ends))[:, 0]
+            mean = np.divide(way, width, out=speeds[:, 0].copy(), where=width > 0.0)
+            constants[:, -8], constants[:, self.course.start + 2] = mean - rising * times.mean(axis=1), rising
         constants[:, -2:] = fractions
         released = (self.ended_by[of] == "release") & (j == n - 1)
         for i in np.flatnonzero(released).tolist():  # a typical rate of the bounded state
             rates = self._rates(self.trajectory.nodes[node[i]], self.until[of[i]])[self.clamped]
-            constants[i, self.log.base.size : -8][self.clamped] = np.max(np.abs(rates) * self.size)
+            constants[i, self.scales][self.clamped] = np.max(np.abs(rates) * self.size)
         cells = (j[:, None] * steps + np.arange(steps + 1)) / (n * steps)[:, None]
         cells = since[:, None] + span[:, None] * cells
         edges = np.stack([cells[:, :-1], cells[:, 1:]], axis=2)

@@ -23,7 +23,7 @@ from data_io.arrays import thinned
 from identify.base.errors import SimulationError
 from identify.logs.log_data import LogData
 from identify.logs.noise import line_slope, slope_error
-from identify.model.model import ELONGATION, SPEED, Model
+from identify.model.model import ELONGATION, SPEED, Model, on_course
 from identify.shooting import batch
 from identify.shooting.batch import Slips, Waves
 from identify.shooting.layout import Grid
@@ -56,12 +56,14 @@ class LogContext:
         self.model, self.log, self.p = model, log, p
         self.values = dict(zip(model.parameter_names, p.tolist(), strict=True))
         self.half = float(np.pi * np.sqrt(self.values["mass"] / self.values["stiffness"]))
-        self.changes = [] if log.programme is None else log.programme.changes(log.begin, log.end)
+        changes = [] if log.programme is None else log.programme.changes(log.begin, log.end)
+        # steps of the drive, or of its acceleration
+        self.changes, self.bends = ([], changes) if log.on_course else (changes, list[float]())
 
     @cached_property
     def rests(self) -> Resting:
         """Rests of the model: steady sliding has none."""
-        return Resting(self.model)
+        return Resting(on_course(self.model) if self.log.on_course else self.model)
 
     def change_after(self, t: float) -> float:
         """The next change of the drive, or the end of the window [s]."""
@@ -79,7 +81,7 @@ class LogContext:
     def steady(self, t: float, just_before: bool = False) -> Sliding | None:
         """The state of steady sliding at a time [s]."""
         u = self.inputs(t, just_before)
-        return lasting(self.model, self.p, u) if u[0] > 0.0 else None
+        return lasting(self.model, self.p, u) if u[0] > 0.0 and not self.log.on_course else None
 
     def rest(self, t: float, x: Array, end: float) -> tuple[bool, float, Array, list[tuple[float, Array]]]:
         """A rest from x at t until the static limit is overcome, at most until `end` [s]: whether it is, when, the
@@ -91,24 +93,26 @@ class LogContext:
         changes, load = list[tuple[float, Array]](), self.log.normal_force
 
         def until(time: float, force: tuple[float, float]) -> Stick:
-            return rest(self.rests, x, Situated(self.p, self.log.speed_at(t), 1.0, *force, t), t, time - t)
+            speed, rising = self.log.speed_at(t), self.log.acceleration_at(t)
+            return rest(self.rests, x, Situated(self.p, speed, 1.0, *force, t, rising), t, time - t)
 
         while t < end:
             change, knot = min(self.change_after(t), end), bisect_right(load.times, t)
+            bend = self.bends[bisect_right(self.bends, t) :][:1]
             stick, last = None, knot + 64  # under the least of so many knots a rest is looked at first
-            if last < len(load.times) and load.times[last] < change and not _moved_by_load(self.model):
+            if last < len(load.times) and load.times[last] < min([change, *bend]) and not _moved_by_load(self.model):
                 # Over many knots of the load at once, where not even the least load of them would end the rest.
                 least = float(np.min([load.at(t), *load.knots[1][knot : last + 1]]))
                 stick = until(load.times[last], (least, 0.0))
             if stick is None or stick.ended_by is not None:
                 last = knot
-                stick = until(min([change, *load.times[knot : knot + 1]]), load.line(t))
+                stick = until(min([change, *bend, *load.times[knot : knot + 1]]), load.line(t))
             t, x = stick.start + stick.duration, stick.end
             if stick.ended_by is not None:
                 if stick.drive_force < 0.0:
                     raise SimulationError("the mass is pulled back")
                 return True, t, x, changes
-            t = min([change, *load.times[last : last + 1]])
+            t = min([change, *bend, *load.times[last : last + 1]])
             if t == change:
                 changes.append((t, x))
         return False, t, x, changes
@@ -119,7 +123,9 @@ class LogContext:
         times = np.array([t, *load.between(t, t + duration)[0], t + duration])
         start = dict(zip((s.name for s in self.model.states), x.tolist(), strict=True))
         force, stepping = NormalForce.of((times - t, load.at(times))), Stepping(1e-7)  # of a simulation step
-        return run(self.model, self.values, self.log.speed_at(t), force, duration, start=start, accuracy=stepping)
+        along = self.log.programme if self.log.on_course else None
+        drive = self.log.speed_at(t) if along is None else along.between(t, t + duration, zero=t)
+        return run(self.model, self.values, drive, force, duration, start=start, accuracy=stepping)
 
     def samples(self, begin: float, end: float) -> NDArray[np.intp]:
         """Samples between two times [s] that count."""
@@ -139,9 +145,8 @@ def begin_state(context: LogContext, until: float) -> Array:
     index = context.samples(log.begin, np.nextafter(until, np.inf))
     if index.size == 0:
         index = np.array([min(int(np.searchsorted(log.time, log.begin)), log.time.size - 1)])
-    edges = np.array([log.begin, *(c for c in context.changes if c < until), max(until, log.time[index[-1]])])
-    moved = np.concatenate([[0.0], np.cumsum([(b - a) * log.speed_at(0.5 * (a + b)) for a, b in pairwise(edges)])])
-    level = np.median(thinned(log.force[index] - stiffness * np.interp(log.time[index], edges, moved)))
+    moved = log.moved(log.time[index]) - log.moved(np.array([log.begin]))
+    level = np.median(thinned(log.force[index] - stiffness * moved))
     x = batch.at_force(model, np.array([level]), context.p[None], context.inputs(log.begin)[None])[0]
     if model.clamped is not None:
         x[model.clamped] = 0.5
@@ -202,6 +207,7 @@ SWEEPS = (4, 30)  # how often arrests are handed on, at least and at most: the r
 PER_HALF_PERIOD = 60  # RK4 steps of a placed slip per half natural period
 WINDOW = 48  # samples of a slip that vote on its shift
 SHIFTS = 61  # places that are tried for each slip
+SLOWEST = 0.02  # of the mean speed of a drive on a course: a start takes it for no slower
 
 
 @dataclass(frozen=True)
@@ -222,7 +228,8 @@ class _Cycles:
         log, fall = np.repeat(np.arange(len(logs)), [f.size for f in slip_times]), np.concatenate(slip_times)
         first = np.diff(log, prepend=-1) > 0
         force = np.concatenate([one.normal_force.at(f) for one, f in zip(logs, slip_times, strict=True)])
-        speed, begin, noise = (np.array([getattr(d, n) for d in logs])[log] for n in ("drive_speed", "begin", "noise"))
+        begin, noise = (np.array([getattr(d, n) for d in logs])[log] for n in ("begin", "noise"))
+        speed = np.concatenate([_speeds_at(one, f) for one, f in zip(logs, slip_times, strict=True)])
         # Each cycle begins about where the fall before it is.
         u = np.stack([speed, force, np.ones_like(force), np.where(first, begin, np.roll(fall, 1))], axis=1)
         return _Cycles(model, log, first, fall, np.stack(p)[log], u, noise)
@@ -231,6 +238,14 @@ class _Cycles:
         """The slip of every cycle from its arrest x (n, n_x)."""
         at_onset = sticks(self.model, x, self.p, self.u, forward=True)[1]
         return batch.slip(self.model, at_onset, self.p, self.u, per_half_period)
+
+
+def _speeds_at(log: LogData, falls: Array) -> Array:
+    """Drive speeds (c,) of cycles with these falls (c,): along a course those since the fall before."""
+    if not log.on_course:
+        return np.full(falls.size, log.drive_speed)
+    times = np.concatenate([[log.begin], falls])
+    return np.maximum(np.diff(log.moved(times)) / np.diff(times), SLOWEST * log.drive_speed)
 
 
 def place(
@@ -334,7 +349,8 @@ def _begin_state(context: LogContext, first: Array, onset: Array) -> Array:
     if clamped is None or not first.size:
         return x
     states = aged(x, clamped)
-    u = np.tile([log.drive_speed, float(log.normal_force.at(onset[0])), 1.0, log.begin], (len(states), 1))
+    speed = float(_speeds_at(log, onset[:1])[0])
+    u = np.tile([speed, float(log.normal_force.at(onset[0])), 1.0, log.begin], (len(states), 1))
     times = sticks(model, states, np.tile(context.p, (len(states), 1)), u, forward=True)[0]
     # Where the first stick is so long that its start is forgotten, half way is as good as any.
     known = np.ptp(times) > 1e-3 * (onset[0] - log.begin)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -33,8 +33,9 @@ def level_starts(logs: Sequence[Prepared], unknowns: Unknowns) -> Array:
         quantiles.append(np.nanquantile(coefficient[counted], (0.5, 0.999)))
         drive = data.programme or Drive((0.0,), (data.drive_speed,))
         for start, stop, speed in moving_pieces(drive, data.begin, data.end):
-            # The level at the end of a stretch of constant speed.
-            mine = (data.time >= stop - 0.4 * (stop - start)) & (data.time <= stop) & (data.weight > 0)
+            # The level at the end of a stretch of constant speed, or along a course.
+            share = 1.0 if data.on_course else 0.4
+            mine = (data.time >= stop - share * (stop - start)) & (data.time <= stop) & (data.weight > 0)
             if np.count_nonzero(mine) >= 3:
                 speeds.append(speed)
                 levels.append(float(np.median(coefficient[mine])))
@@ -43,13 +44,16 @@ def level_starts(logs: Sequence[Prepared], unknowns: Unknowns) -> Array:
     names, base = unknowns.names, logs[0].data.base
     value = dict(zip(names, unknowns.values(unknowns.start, base).tolist(), strict=True))
     slow, fast = int(np.argmin(speeds)), int(np.argmax(speeds))
+    if any(log.data.on_course for log in logs):  # no two stretches have the same speed
+        like = np.abs(np.log(np.array(speeds)[:, None] / np.array(speeds))) < np.log(UNLIKE)
+        levels = [float(np.median(np.array(levels)[near])) for near in like]
     known = {}
     if speeds[fast] > 1.5 * speeds[slow] and "delta_mu_k" in names:
         known = {"a": 2.0 / speeds[fast], "delta_mu_k": min(1.2 * (levels[fast] - levels[slow]), -0.005)}
     value |= known
     share = 1.0 - float(np.exp(-value.get("a", 0.0) * speeds[slow]))
     mu_k0 = max(levels[slow] - value.get("delta_mu_k", 0.0) * share, 0.01)
-    peaked = any(log.fit_mode.name == "continuous" for log in logs)
+    peaked = any(log.fit_mode.name == "continuous" or log.data.on_course for log in logs)
     mu_s = max(float(np.max(quantiles)), mu_k0 + 0.02) if peaked else mu_k0 + 0.15
     rows = []
     for length, time in product(LENGTHS, TIMES) if peaked else [(LENGTHS[0], TIMES[0])]:
@@ -69,6 +73,8 @@ def _inside(unknowns: Unknowns, theta: Array) -> Array:
 
 BINS = 40  # per half natural period
 BEFORE, AFTER = 2.5, 2.0  # half periods around the middle of the fall
+ALIKE, GROUPS = 4, 8  # cycles along a course that count as alike, at least, and groups of them at most
+UNLIKE = 1.5  # times the lowest speed of such a group: the cycles of a drive that goes faster by then are not alike
 SHARE = 0.42  # of the period: the window never reaches the next fall
 TIMING = 0.3  # of the time between samples: how well they tell a time
 
@@ -89,6 +95,19 @@ class Features:
     arrest: float
     drop: float
     time: float
+
+
+def at_speeds(log: LogData, slip_times: Array) -> list[tuple[LogData, Array]]:
+    """A log with its cycles (c,); along a course some of them at a time, where its speed hardly changes, with that."""
+    if not log.on_course or not slip_times.size:
+        return [(log, slip_times)]
+    groups = np.array_split(slip_times, min(max(slip_times.size // ALIKE, 1), GROUPS))
+    out = []
+    for own in groups:
+        speeds = np.array([log.speed_at(t) for t in own.tolist()])
+        if np.max(speeds) <= UNLIKE * np.min(speeds):
+            out.append((replace(log, drive_speed=float(np.mean(speeds)), programme=None), own))
+    return out
 
 
 def extract(log: LogData, slip_times: Array, half_period: float) -> Features | None:

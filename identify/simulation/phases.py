@@ -29,6 +29,8 @@ from identify.simulation.stepper import (
     Situated,
     Stepper,
     Stop,
+    numbers_of,
+    rested,
     sliding_modes,
     symbols,
 )
@@ -91,15 +93,15 @@ def _rest_functions(model: Model) -> tuple[ca.Function, ca.Function, Mapped, Map
     largest second derivative of the margin at some times; for many at once the margin, and what it is without what
     oscillates."""
     x, c, t, p, u = symbols(model)
-    rested = model.rest(x, p, u, t)
-    force, limit = model.driving_force(rested, p, u), model.grip(rested, p, u)
+    after, pull = rested(model, x, p, c[p.numel() :], t)
+    force, limit = model.driving_force(after, p, u), model.grip(after, p, u)
     margin = limit - ca.fabs(force)
-    shown = ca.vertcat(margin, ca.jacobian(margin, t), force, rested)
+    shown = ca.vertcat(margin, ca.jacobian(margin, t), force, after)
     row = ca.Function("row", [x, c, t], [ca.cse(ca.densify(shown))])
     curvature = ca.Function("curvature", [x, c, t], [ca.densify(ca.jacobian(ca.jacobian(margin, t), t))])
     times = ca.SX.sym("times", _SHARES.size)
     largest = ca.mmax(ca.vertcat(*(curvature(x, c, at) for at in ca.vertsplit(times))))
-    calm = limit - ca.fabs(model.calm_force(x, p, u, t))
+    calm = limit - ca.fabs(pull)
     many = [Mapped(ca.Function("margins", [x, c, t], [ca.cse(ca.densify(q))])) for q in (margin, calm)]
     return row, ca.Function("curvatures", [x, c, times], [ca.cse(largest)]), *many
 
@@ -109,7 +111,7 @@ class Resting:
 
     def __init__(self, model: Model) -> None:
         self.model = model
-        self._x, self._c = np.zeros(len(model.states)), np.zeros(len(model.parameters) + 5)
+        self._x, self._c = np.zeros(len(model.states)), np.zeros(len(model.parameters) + numbers_of(model))
         self._t, self._at_shares = np.zeros(1), np.zeros(_SHARES.size)
         row, curvatures, self._margins, self._calm = _rest_functions(model)
         self._row, self._curvature = compiled(row), compiled(curvatures)
@@ -134,7 +136,7 @@ class Resting:
             np.multiply(_SHARES, limit, out=self._at_shares)
             if self.model.vibrates or self._curvature()[0] > 0.0:
                 # Looked at finely only where what oscillates may take the margin to zero.
-                period, swung = swing(self.model, self._c[:-5])
+                period, swung = swing(self.model, situated.p)
 
                 def margins(times: Array) -> Array:
                     return self._at(float(times[0]))[:1] if times.size == 1 else self._at_times(self._margins, times)
@@ -151,7 +153,7 @@ class Resting:
     def margin(self, x: Array, situated: Situated) -> tuple[float, float]:
         """By how much a mass at rest in x (n_x,) withstands the drive [N], and the force of the drive [N]."""
         self._x[:] = x
-        self._c[:-5], self._c[-5:] = situated.p, situated.numbers
+        self._c[: situated.p.size], self._c[situated.p.size :] = situated.p, situated.numbers(self.model)
         row = self._at(0.0)
         return float(row[0]), float(row[2])
 
@@ -402,7 +404,8 @@ def phases(machine: Machine, drive: Drive, normal_force: NormalForce, duration: 
             mode = "renewed" if float(model.slip(x, p, u)[model.clamped]) < 0.0 else "slip"
     phase: Phase
     for number in range(MAX_PHASES):
-        situated = Situated(p, drive.at(t), direction, *normal_force.line(t), t)
+        speed, acceleration = drive.line(t)
+        situated = Situated(p, speed, direction, *normal_force.line(t), t, acceleration)
         limit = max(float(ends[segment]) - t, 0.0)
         if mode == "stick":
             phase = stick = rest(machine.rests, x, situated, t, limit)

@@ -17,8 +17,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from data_io.spelling import spelled
 from identify.base.errors import IdentifyError, SimulationError
-from identify.model.model import ELONGATION, Model
+from identify.model.model import ELONGATION, Model, on_course
 from identify.scene.tables import quantity
+from identify.scene.values import DriveSpeed
 from identify.simulation.drive import Drive, NormalForce
 from identify.simulation.phases import Machine, phases
 from identify.simulation.plan import ACCURACY, SAFETY, Plan, Stepping, accuracy_for, admit, plan, scales
@@ -55,7 +56,7 @@ def initial_states(model: Model, p: Array, u: Array, given: Mapping[str, float])
 def run(
     model: Model,
     values: dict[str, float],
-    drive: float | Drive | tuple[tuple[float, float], ...],
+    drive: DriveSpeed | Drive,
     normal_force: float | NormalForce | tuple[ArrayLike, ArrayLike],
     duration: float,
     *,
@@ -66,7 +67,7 @@ def run(
 
     Args:
         values: every parameter of the model by name, SI.
-        drive: drive speed [m/s], or a programme of (start [s], speed [m/s]).
+        drive: drive speed [m/s], a programme of (start [s], speed [m/s]), or a course.
         normal_force: [N], or (times [s], values [N]), piecewise linear.
         start: initial states by name; left out: at rest, spring unloaded, fresh contact.
         accuracy: relative error of switch times and forces that is tolerated; method and steps follow from it. Or the
@@ -87,7 +88,8 @@ def run(
         raise SimulationError(f"the accuracy is {accuracy}; expected a relative error between 0 and 1, such as 1e-6")
     p = np.array([values[name] for name in model.parameter_names])
     initial = start or {}
-    programme, load = Drive.of(drive), NormalForce.of(normal_force)
+    programme, load = Drive.of(drive, duration), NormalForce.of(normal_force)
+    model = on_course(model) if programme.accelerates else model
     scale = scales(model, p, float(load.at(0.0)))
     x = np.array([initial.get(s.name, s.start) for s in model.states], dtype=float)
 
@@ -104,7 +106,7 @@ def simulate(
     scene: Scene,
     duration: float | str,
     *,
-    drive: float | str | Drive | tuple[tuple[float, float], ...] | None = None,
+    drive: DriveSpeed | str | Drive | None = None,
     normal_force: float | str | NormalForce | tuple[ArrayLike, ArrayLike] | None = None,
     accuracy: float | None = None,
     noise: float | str | None = None,
@@ -120,7 +122,7 @@ def simulate(
         what is simulated.
     duration : float | str
         of the motion [s].
-    drive, normal_force : float | str | Drive | tuple[tuple[float, float], ...] | None, optional
+    drive, normal_force : DriveSpeed | str | Drive | None, optional
         replace those of the scene's rig; units and forms as in `run`.
     accuracy : float | None, optional
         relative error of switch times and forces that is tolerated; None: an order below the noise, `ACCURACY`
@@ -150,11 +152,9 @@ def simulate(
     if force is None:
         raise SimulationError("the scene has no normal force; give normal_force under [rig]")
     model, values = scene.model, scene.values()
-    course, programme = NormalForce.of(force), Drive.of(speed)
+    course, programme = NormalForce.of(force), Drive.of(speed, duration)
     load = course if model.follows_load else NormalForce.of(course.mean(0.0, duration))
-    scene.check_ranges(
-        None, tuple(zip(programme.starts, programme.speeds, strict=True)), (min(load.values), max(load.values))
-    )
+    scene.check_ranges(None, programme.paces, (min(load.values), max(load.values)))
     u = np.array([programme.at(0.0), float(load.at(0.0)), 1.0, 0.0])
     p = np.array([values[name] for name in model.parameter_names])
     start = initial_states(model, p, u, asdict(scene.initial))

@@ -61,8 +61,9 @@ ROUNDING = 1e-15  # of the forces: a few last digits
 
 @dataclass(frozen=True)
 class Situated:
-    """Parameters p (n_p,), drive speed [m/s], direction of sliding (+1 or -1), normal force at the start of the phase
-    [N] and its slope [N/s], time at its start [s]."""
+    """Parameters p (n_p,), drive speed at the start of the phase [m/s], direction of sliding (+1 or -1), normal force
+    then [N] and its slope [N/s], time at its start [s]; acceleration of the drive [m/s^2], which a model on a course
+    takes."""
 
     p: Array
     drive_speed: float
@@ -70,31 +71,41 @@ class Situated:
     normal_force: float
     force_slope: float
     time: float = 0.0
+    acceleration: float = 0.0
 
-    @property
-    def numbers(self) -> tuple[float, float, float, float, float]:
-        """What the step functions read behind the parameters."""
-        return (self.drive_speed, self.direction, self.normal_force, self.force_slope, self.time)
-
-    @property
-    def constants(self) -> Array:
-        """p and these numbers, shape (n_p + 5,)."""
-        return np.append(self.p, self.numbers)
+    def numbers(self, model: Model) -> tuple[float, ...]:
+        """What the step functions of a model read behind the parameters (n_u,)."""
+        known = (self.drive_speed, self.direction, self.normal_force, self.force_slope, self.time)
+        return (*known, self.acceleration) if model.on_course else known
 
     def at(self, t: float, direction: float = 1.0) -> Array:
         """u (4,) of the model at time t [s] within the phase."""
-        return np.array([self.drive_speed, self.normal_force + self.force_slope * t, direction, self.time + t])
+        speed = self.drive_speed + self.acceleration * t
+        return np.array([speed, self.normal_force + self.force_slope * t, direction, self.time + t])
+
+
+def numbers_of(model: Model) -> int:
+    """How many `Situated.numbers` there are (n_u)."""
+    return 6 if model.on_course else 5
 
 
 def inputs(drive: ca.SX, t: ca.SX) -> ca.SX:
-    """u (4,) of the model at time t of a phase, from `Situated.numbers` (5,)."""
-    return ca.vertcat(drive[0], drive[2] + drive[3] * t, drive[1], drive[4] + t)
+    """u (4,) of the model at time t of a phase, from `Situated.numbers` (n_u,)."""
+    speed = drive[0] + drive[5] * t if drive.numel() > 5 else drive[0]
+    return ca.vertcat(speed, drive[2] + drive[3] * t, drive[1], drive[4] + t)
+
+
+def rested(model: Model, x: ca.SX, p: ca.SX, drive: ca.SX, t: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """x after a rest of t [s] from x, and the force of the drive then without what oscillates [N]; drive (n_u,)."""
+    given = [x, p, inputs(drive, t), t, *([drive[5]] if model.on_course else [])]
+    return model.rest(*given), model.calm_force(*given)
 
 
 def symbols(model: Model) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX, ca.SX]:
-    """State x, constants (n_p + 5,) and time t in a phase, and in terms of these parameters p and inputs u."""
-    x, t, c = ca.SX.sym("x", len(model.states)), ca.SX.sym("t"), ca.SX.sym("c", len(model.parameters) + 5)
-    return x, c, t, c[:-5], inputs(c[-5:], t)
+    """State x, constants (n_p + n_u,) and time t in a phase, and in terms of these parameters p and inputs u."""
+    n_p = len(model.parameters)
+    x, t, c = ca.SX.sym("x", len(model.states)), ca.SX.sym("t"), ca.SX.sym("c", n_p + numbers_of(model))
+    return x, c, t, c[:n_p], inputs(c[n_p:], t)
 
 
 # One trial step of a model: the state after it, its error, and the event functions of its mode.
@@ -102,7 +113,7 @@ def symbols(model: Model) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX, ca.SX]:
 
 @lru_cache(maxsize=64)
 def rate(model: Model, mode: ModeName) -> ca.Function:
-    """(x, constants (n_p + 5,), t in phase) -> dx/dt."""
+    """(x, constants (n_p + n_u,), t in phase) -> dx/dt."""
     x, c, t, p, u = symbols(model)
     field = model.renewed if mode == "renewed" else model.slip
     return ca.Function("rate", [x, c, t], [ca.densify(field(x, p, u))])
@@ -113,9 +124,9 @@ def event_functions(model: Model, mode: ModeName) -> ca.Function:
     """(x, constants, t) -> event functions in the order of GUARDS and their slopes in time (2 N_GUARDS,); 1 where one
     does not end the mode."""
     moving, free = rate(model, mode), rate(model, "slip")
-    x, c, t, _p, _u = symbols(model)
+    x, c, t, _p, u = symbols(model)
     exits = dict(sliding_modes(model.clamped is not None)[mode].exits)
-    guards = [c[-4] * x[SPEED], ca.SX(1), ca.SX(1)]
+    guards = [u[2] * x[SPEED], ca.SX(1), ca.SX(1)]
     if model.clamped is not None and "clearance" in exits:
         guards[1] = x[model.clamped] - (model.states[model.clamped].lower or 0.0)
     if model.clamped is not None and "release" in exits:
@@ -133,7 +144,7 @@ def trial(model: Model, method: Method, mode: ModeName) -> ca.Function:
     """
     n = len(model.states)
     z = ca.SX.sym("z", n + 2)
-    c, tolerances = ca.SX.sym("c", len(model.parameters) + 5), ca.SX.sym("tolerances", n + 1)
+    c, tolerances = ca.SX.sym("c", len(model.parameters) + numbers_of(model)), ca.SX.sym("tolerances", n + 1)
     x, t, h = z[:n], z[n], z[n + 1]
     after, norm = method.step(_problem(model, method, mode, z, c, tolerances), x, t, h)
     # A largest value hides what is not a number: such a step is refused.
@@ -155,7 +166,7 @@ def within(model: Model, method: Method, mode: ModeName) -> ca.Function:
     from t."""
     n = len(model.states)
     z = ca.SX.sym("z", 2 * n + 3)
-    c, tolerances = ca.SX.sym("c", len(model.parameters) + 5), ca.SX.sym("tolerances", n + 1)
+    c, tolerances = ca.SX.sym("c", len(model.parameters) + numbers_of(model)), ca.SX.sym("tolerances", n + 1)
     x, t, h, part = z[:n], z[n], z[n + 1], z[n + 2]
     inside = method.within(_problem(model, method, mode, z, c, tolerances), x, t, h, part, z[n + 3 :])
     return ca.Function(f"within_{mode}", [z, c, tolerances], [ca.cse(ca.densify(inside))])
@@ -248,7 +259,7 @@ def paced(model: Model, method: Method, mode: ModeName, locating: bool) -> ca.Fu
     """One trial in one mode, walking on or locating a switch: (z, bounds, constants, tolerances) -> z after it."""
     at = BurstState(len(model.states))
     z, bounds = ca.SX.sym("z", at.size), ca.SX.sym("bounds", 5)
-    c, tolerances = ca.SX.sym("c", len(model.parameters) + 5), ca.SX.sym("tolerances", at.n + 1)
+    c, tolerances = ca.SX.sym("c", len(model.parameters) + numbers_of(model)), ca.SX.sym("tolerances", at.n + 1)
     x, t, ends, control = z[: at.n], z[at.t], z[at.ends], z[at.control]
     exits = [GUARDS.index(name) for name, _ in sliding_modes(model.clamped is not None)[mode].exits]
     h = z[at.h] if locating else _length(model, at, z, exits, bounds)
@@ -378,7 +389,7 @@ class Stepper:
         self.places = BurstState(len(model.states))
         n = self.places.n
         self._z, self._xth = np.zeros(self.places.size), np.zeros(n + 2)
-        self._bounds, self._constants = np.zeros(5), np.zeros(len(model.parameters) + 5)
+        self._bounds, self._constants = np.zeros(5), np.zeros(len(model.parameters) + numbers_of(model))
         self._tolerances = np.zeros(n + 1)
         x, t = self._xth[:-2], self._xth[-2:-1]
         self._trials, self._ends, self._coefficients = (dict[ModeName, Compiled]() for _ in range(3))
@@ -396,14 +407,14 @@ class Stepper:
         """Set parameters p (n_p,), tolerances of a step (rtol, then atol (n_x,)), and its bounds: longest and shortest
         [s], farthest way [m], whether switches are located (else a burst stops at the step that passes one).
         """
-        self._constants[:-5] = p
+        self._constants[: p.size] = p
         self._tolerances[:] = tolerances
         longest, shortest, farthest, locate = bounds
         self._bounds[1:5] = longest, shortest, float(locate), farthest
 
     def start(self, mode: ModeName, x: Array | list[float], situated: Situated, limit: float, h: float) -> None:
         """Begin to slide in a mode from x (n_x,) with a step of length h [s]; it may last `limit` [s]."""
-        self._constants[-5:] = situated.numbers
+        self._constants[situated.p.size :] = situated.numbers(self.model)
         self._bounds[0] = limit
         z, n = self._z, self.places.n
         z[:n] = x

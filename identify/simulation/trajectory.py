@@ -18,7 +18,7 @@ from identify.model.model import Model
 from identify.scene.tables import quantity
 from identify.simulation.phases import Phase, Slide
 from identify.simulation.plan import LOOSER_SHARE
-from identify.simulation.stepper import ModeName, coefficient, inputs, within
+from identify.simulation.stepper import ModeName, coefficient, inputs, numbers_of, rested, within
 from identify.simulation.steppers import Method
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def inside(model: Model, phases: Sequence[Phase], which: NDArray[np.intp], local
     """Samples (n,): states by name, "force", "coefficient", "normal_force", "sliding"; in phases `which` (n,), rising,
     at times from the start of each (n,) [s]: late phases lose no digits."""
     local = np.clip(local, 0.0, np.array([phase.duration for phase in phases])[which])
-    numbers = np.array([phase.situated.numbers for phase in phases])[which]
+    numbers = np.array([phase.situated.numbers(model) for phase in phases])[which]
     n = len(model.states)
     xth = np.zeros((local.size, 2 * n + 3))
     kinds: dict[tuple[Method | None, ModeName], list[Array]] = {}
@@ -90,14 +90,14 @@ def inside(model: Model, phases: Sequence[Phase], which: NDArray[np.intp], local
 
 @lru_cache(maxsize=64)
 def _row(model: Model, method: Method | None, mode: ModeName) -> Mapped:
-    """(as in `within`, inputs (5,), p, tolerances) -> state, force, coefficient."""
+    """(as in `within`, inputs (n_u,), p, tolerances) -> state, force, coefficient."""
     n = len(model.states)
-    xth, drive = ca.SX.sym("xth", 2 * n + 3), ca.SX.sym("drive", 5)
+    xth, drive = ca.SX.sym("xth", 2 * n + 3), ca.SX.sym("drive", numbers_of(model))
     p, tolerances = ca.SX.sym("p", len(model.parameters)), ca.SX.sym("tolerances", n + 1)
     t = xth[n] + xth[n + 2]
     u = inputs(drive, t)
     if method is None:
-        x = model.rest(xth[:n], p, u, t)
+        x = rested(model, xth[:n], p, drive, t)[0]
         force, shown = model.load_cell(x, p, u), model.driving_force(x, p, u) / u[1]
     else:
         x = within(model, method, mode)(xth, ca.vertcat(p, drive), tolerances)

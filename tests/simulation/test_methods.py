@@ -46,7 +46,7 @@ def _fixed_steps(method: Method, duration: float, count: int) -> np.ndarray:
     function, x = trial(MODEL, method, "slip"), START
     for i in range(count):
         h = duration / count
-        row = function(np.append(x, [i * h, h]), SITUATED.constants, np.full(4, 1e-6))
+        row = function(np.append(x, [i * h, h]), np.append(SITUATED.p, SITUATED.numbers(MODEL)), np.full(4, 1e-6))
         x = np.array(row).ravel()[:3]
     return x
 
