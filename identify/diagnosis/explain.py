@@ -248,7 +248,10 @@ def _refitted(ended: Fitted, score: Score) -> _Cause | None:
         if abs(step.step) < SETTLED * step.error or number == ROUNDS - 1:
             ratio = table.information[mine] / np.diag(table.information)
             near = np.flatnonzero(np.abs(table.correlation[mine]) > ALIKE).tolist()
-            alike = tuple((table.scores[j], float(size * ratio[j])) for j in near if j != mine)
+            # Of another set of logs, which log a score is of says nothing here.
+            same = best.log_numbers == ended.logs
+            others_alike = [j for j in near if j != mine and (same or table.scores[j].log is None)]
+            alike = tuple((table.scores[j], float(size * ratio[j])) for j in others_alike)
             return _Cause(score, size, best, unknowns, step.error, alike) if abs(size) < column.most else None
     return None
 

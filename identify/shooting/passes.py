@@ -268,7 +268,7 @@ def solve_in_passes(
         region = unknowns if weight == 0.0 else unknowns.within_region(weight)
         problem = shooting_problem(logs, trajectories, region, grid, pattern=pattern)
         seconds += time.perf_counter() - since
-        # What was beside a jump in one fine pass stays out of the later ones: else samples go in and out with its event.
+        # What was beside a jump in a fine pass stays out of later ones: else samples go in and out with its event.
         logs = logs if coarse else problem.logs
         begun = problem.evaluate(problem.start, derivatives=True).cost
         solution, spent, exact = _solve(problem, coarse=coarse, exact=exact)
