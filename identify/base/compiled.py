@@ -49,9 +49,7 @@ class Compiled:
 
 compiled = Compiled
 
-# ----------------------------------------------------------------------------------------------------------------------
 # One function for many rows of a batch: mapped over chunks and called at the price of a few function calls.
-# ----------------------------------------------------------------------------------------------------------------------
 
 MANY = 32  # rows per call: small enough to stay in cache, large enough to hide the call
 WORK = 10_000  # instructions that hide the call as well: of a large function fewer rows are called for at the end

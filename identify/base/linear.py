@@ -33,12 +33,10 @@ def one_plus_two_products(a: Array, b: Array) -> Array:
     return np.where(np.isfinite(value), value, 1.0 + b * (2.0 * a + b))
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # The matrix of the optimality conditions, factored so that its answers can be trusted.
 #
 # A plain sparse LU of such a matrix is wrong by orders of magnitude; symmetric Ruiz equilibration mends that. What all
 # samples depend on, the parameters, fills its factors; they are bordered: eliminated last, by a small dense matrix.
-# ----------------------------------------------------------------------------------------------------------------------
 
 SWEEPS = 10
 CROWDED = 20.0  # times the entries of the median column: a column that is bordered

@@ -53,13 +53,11 @@ def concave_zero(function: Callable[[float], tuple[float, float]], high: float) 
         high = lower
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # The first time at which a positive function falls to zero: scanned as finely as its time scales ask, then refined.
 #
 # Knows nothing of friction. What is smooth (ramps, decays that begin at time zero) is seen on a geometric grid; where
 # something oscillates, only the stretches in which it can reach zero are scanned, at a fraction of its shortest period:
 # those in which a smooth function that is nowhere above it has fallen to zero.
-# ----------------------------------------------------------------------------------------------------------------------
 
 Function = Callable[[Array], Array]  # times (n,) [s] -> values (n,)
 

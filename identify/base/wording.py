@@ -24,9 +24,7 @@ def distinct(value: float, other: float) -> tuple[str, str]:
     return next((pair for pair in pairs if pair[0] != pair[1]), (three_figures(value), three_figures(other)))
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Text for a terminal of 80 columns.
-# ----------------------------------------------------------------------------------------------------------------------
 
 WIDTH = 79
 START_VALUES = "give start values nearer to the pair under [parameters], such as mu_s = { start = 0.6 }"
@@ -45,9 +43,7 @@ def wrapped(text: str, indent: str = "", hang: str = "  ") -> str:
     return textwrap.fill(text, WIDTH, initial_indent=indent, subsequent_indent=indent + hang)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # How speeds are said: in mm/s, slow ones in mm/min as on the dial of a tribometer; nowhere in anything else.
-# ----------------------------------------------------------------------------------------------------------------------
 
 SLOW = 1e-5  # m/s, below which speeds are said per minute
 LISTED = 8  # steps of a programme that are said one by one
@@ -75,9 +71,7 @@ def programme_text(programme: Sequence[tuple[float, float]]) -> str:
     return f"{speed_text(min(speeds))} to {speed_text(max(speeds))} in {len(programme)} steps"
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Numbers as a laboratory reads them: a fitting unit, as many digits as mean something, a true minus sign.
-# ----------------------------------------------------------------------------------------------------------------------
 
 DASH = "–"
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")

@@ -150,9 +150,7 @@ def draw_law(fit: Fit, name: str, columns: int = 1) -> Drawing:
     return Drawing(name, figure, alt, caption, wide=False)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Measured against fitted force of one log; before a fit, against the trajectory that it starts from.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 def draw_force(curves: LogCurves, position: int, accepted: bool, columns: int = 2) -> Drawing:
@@ -292,9 +290,7 @@ def draw_preview(preview: Preview) -> Figure:
     return figure
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # How the cycles scatter: of one log, and of uneven records.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 def draw_cycles(curves: LogCurves, position: int, accepted: bool = True, columns: int = 2) -> Drawing:
@@ -386,9 +382,7 @@ def draw_uneven(cycles: schema.UnevenCycles, curve: schema.StrengthCurve | None,
     )
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # How sure the parameters are: correlation, profiles, optima.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 def correlation_cells(axes: Axes, names: Sequence[str], matrix: Array) -> QuadMesh:

@@ -159,9 +159,7 @@ def _effects(prepared: list[Prepared], findings: Findings, choice: Choice | None
     return effects_result(as_listed(model.effects, values, log.mean_normal_force, log.drive_speed), auto=False)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # The notes of a result: what was assumed, what was left out, what the search changed, each in a sentence.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 def _notes(scene: Scene, prepared: list[Prepared], findings: Findings) -> Iterator[str]:
@@ -221,9 +219,7 @@ def _events(prepared: list[Prepared], findings: Findings) -> Iterator[str]:
             )
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Parameters, their correlation, and how well the fit follows.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 def _parameters(findings: Findings, converged: bool) -> dict[str, ParameterResult]:
@@ -315,9 +311,7 @@ def _gate_and_fit(attempt: Attempt) -> tuple[schema.GateResult, schema.FitFigure
     return schema.GateResult(finite(float(gate.chi2_per_sample)), worst, gate.solver, shift, scatter), figures
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # What errors of rig and sensors do: to single parameters, and to the intervals to publish.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 def _rig_sensitivity(scene: Scene, findings: Findings) -> dict[str, dict[str, schema.Shift]]:
@@ -495,9 +489,7 @@ def _farther(value: float, end: float | None, by: float, logarithmic: bool) -> f
     return value + math.copysign(math.hypot(end - value, by), end - value)
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # How sure it is: profile, bootstrap, and what the accuracy of the fit cost.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 def _with_depth(result: Result, sure: Certainty, unknowns: Unknowns, base: Array) -> Result:

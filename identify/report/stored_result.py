@@ -20,9 +20,7 @@ from identify.scene import Scene
 if TYPE_CHECKING:
     from identify.report.finished import Fit
 
-# ----------------------------------------------------------------------------------------------------------------------
 # result.json: the document of a fit as strict JSON.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 def plain(value: object) -> Any:
@@ -112,9 +110,7 @@ def scene_of(result: Result, path: Path | str) -> Scene:
         raise FitError(f"{path}: the scene recorded there: {error}") from None
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # The folder: everything is rendered first, then written file by file, each whole or not at all.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 def write_report(fit: Fit, folder: Path) -> list[Path]:
@@ -154,9 +150,7 @@ def write_report(fit: Fit, folder: Path) -> list[Path]:
     return [folder / name for name in ("result.h5", *contents)]
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # result.h5: the document of result.json, and the measured and fitted curves of every log.
-# ----------------------------------------------------------------------------------------------------------------------
 
 FORMAT_VERSION = 1
 CURVE_UNITS = {"time": "s", "normal_force": "N", "friction_force": "N", "fitted_force": "N", "used": "1"}

@@ -102,9 +102,7 @@ def read_parts(document: Mapping[str, object], folder: Path, name: str) -> Table
     }
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # The rig: values with their tolerances, damping in any of its forms, speeds and programmes; and the other parts.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 def _rig(value: object, effects: Effects) -> tuple[Rig, float | None]:
@@ -226,9 +224,7 @@ def _effects(value: object, extrapolate: object) -> tuple[Effects, tuple[str, ..
     return effects, allowed
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # The [parameters] table: start, bounds, fixed value and prior of each parameter of the model.
-# ----------------------------------------------------------------------------------------------------------------------
 
 SEARCHED = ("start", "prior", "per")  # what makes a given parameter one that is searched
 

@@ -20,9 +20,7 @@ LARGEST = 1e18  # of an SI unit, and its inverse the least: no rig has it, and w
 Reader = Callable[[Any, str, str], Any]  # (value, SI unit, place in a sentence) -> what the scene takes, or SceneError
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Kinds of values.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 def quantity(value: object, unit: str, where: str) -> float:
@@ -195,9 +193,7 @@ def words(value: object, _unit: str, where: str) -> dict[str, str]:
     return {name: str(word) for name, word in table.data.items()}
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # Keys.
-# ----------------------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)

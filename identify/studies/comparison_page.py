@@ -220,9 +220,7 @@ def forest(comparison: Comparison, entry: comparing.PooledQuantity) -> Markup:
     return box.format(visible(label, 300), Markup(drawing))
 
 
-# ----------------------------------------------------------------------------------------------------------------------
 # The tables of a comparison, the same for page, CSV, LaTeX and workbook; and what differs, in sentences.
-# ----------------------------------------------------------------------------------------------------------------------
 
 VERDICT_KIND = {DIFFERENT: "good", NOT_DISTINGUISHED: "plain", NOT_TESTED: "fair"}
 MOST_NAMED = 6  # pairs of groups in a sentence
