@@ -56,7 +56,7 @@ from experiments.uneven_records import scene_of as uneven_scene
 from experiments.uneven_records import simulated
 from identify import Scene, fit
 from identify.base.errors import FitError, IdentifyError
-from identify.cli.inspection import StatedRig, inspection
+from identify.cli.logs import StatedRig, inspection
 from identify.effects import MAIN
 from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene

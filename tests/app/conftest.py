@@ -16,7 +16,7 @@ from data_io import Record, read_log, write_csv
 from identify.app.folder import Folder
 from identify.app.looks import Looks
 from identify.app.server import Serving
-from identify.cli.inspection import document, inspection
+from identify.cli.logs import document, inspection
 from identify.report.stored_result import plain
 from identify.scene import Scene
 from identify.simulation.simulate import simulate

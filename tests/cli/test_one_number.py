@@ -8,7 +8,7 @@ import pytest
 from data_io import read_log
 from identify import Scene
 from identify.base.document import to_dict
-from identify.cli.inspection import StatedRig, document, inspection
+from identify.cli.logs import StatedRig, document, inspection
 from identify.effects import MAIN
 from identify.examples import FOLDER, SCENE
 from identify.logs.prepare import prepare

@@ -8,7 +8,7 @@ import pytest
 from data_io import Record
 from data_io.record import Step
 from identify.base.document import to_document
-from identify.cli.inspection import StatedRig, inspection, replicates
+from identify.cli.logs import StatedRig, inspection, replicates
 from identify.logs.classical import DEFINITIONS, table_of
 from identify.logs.recorded_drive import strokes
 from identify.logs.regime import Known, look

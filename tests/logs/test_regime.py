@@ -11,7 +11,7 @@ import pytest
 from data_io import read_log
 from experiments.regime_records import KINDS, drawn
 from identify.cli import main as cli
-from identify.cli.inspection import StatedRig, inspection
+from identify.cli.logs import StatedRig, inspection
 from identify.logs.regime import Known, Regime, classify, look
 
 CASES = Path(__file__).resolve().parents[1] / "cases"
