@@ -23,9 +23,9 @@ def shown(value: float | None, unit: str, beside: float | None = None) -> str:
     return f"{number(float(f'{value / scale.factor:.3g}'), 3)} {scale.unit}".rstrip()
 
 
-def listed(names: Sequence[str], word: str = "and") -> str:
+def listed(names: Sequence[str]) -> str:
     """Names in a sentence: "a", "a and b", "a, b and c"."""
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} {word} {names[-1]}"
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
 def with_interval(entry: Number) -> str:

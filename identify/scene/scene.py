@@ -219,13 +219,12 @@ class Scene(Spelled):
         log: LogEntry | None = None,
         drive_speed: DriveSpeed | None = None,
         normal_forces: Sequence[float] = (),
-        values: Mapping[str, float] | None = None,
     ) -> None:
         """Refuse a measured law outside its range, at the operating point of a log, or of the rig without one.
 
         Args:
-            drive_speed: [m/s], or a programme, in which nothing slides while the drive stands; normal_forces: [N];
-                values: parameters by name [SI]; in place of what the scene says.
+            drive_speed: [m/s], or a programme, in which nothing slides while the drive stands; normal_forces: [N]; in
+                place of what the scene says.
 
         Raises:
             SceneError: the sentence of the effect, and how to override it.
@@ -241,7 +240,7 @@ class Scene(Spelled):
             by_load = effect.role == LOAD_LAW
             for load in loads if by_load else loads[:1] or [1.0]:
                 for pace in (speeds[:1] or [1.0]) if by_load else speeds:
-                    sentence = effect.refusal(self.values(log) if values is None else values, load, pace)
+                    sentence = effect.refusal(self.values(log), load, pace)
                     if sentence is not None:
                         raise SceneError(f'{sentence}, or use it there all the same: extrapolate = ["{effect.name}"]')
 
