@@ -11,8 +11,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from identify.effects import ALL
+from identify.model.chain import decay
 from identify.model.model import TIME, Model, assemble
-from identify.model.signal import decay
 from tests.support import effect_oracle
 from tests.support import effects_case as case
 
