@@ -88,7 +88,7 @@ class Model:
     force_sensor: ForceSensorPlace = "drive"  # between drive and mass, or under the counterface
     on_course: bool = False  # rest and calm_force take the acceleration of the drive [m/s^2] as one more, last argument
 
-    @property
+    @cached_property
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the parameters, in the order of p."""
         return tuple(p.name for p in self.parameters)
