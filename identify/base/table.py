@@ -97,6 +97,11 @@ class OutputTable:
         rows = tuple(tuple(row[k] for k in kept) if len(row) > 1 else row for row in self.rows)
         return replace(self, columns=tuple(self.columns[k] for k in kept), rows=rows)
 
+    def filled(self) -> OutputTable:
+        """The same without columns that hold nothing."""
+        rows = [[cell.shown for cell in row] for row in self.cells if len(row) > 1]
+        return self.select(*(c for k, c in enumerate(self.columns) if {row[k] for row in rows} - {DASH, ""}))
+
     def to_frame(self) -> pd.DataFrame:
         """The values, text of them as one harmless line, headings of rows left out."""
         import pandas as pd

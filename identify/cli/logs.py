@@ -205,7 +205,7 @@ def _step_lines(seen: StepSeen, several: bool) -> Iterator[str]:
     yield wrapped(f"{phases.count} stick-slip cycles; force {text}; noise {quantity(phases.noise, 'N', 3)}", "  ")
     if phases.count:
         falling, cycle = number(phases.samples_per_slip, 2), number(phases.samples_per_cycle, 4)
-        yield wrapped(f"{falling} samples in each fall, peak to valley, {cycle} in each cycle", "  ")
+        yield wrapped(f"{falling} samples in each slip, peak to valley, {cycle} in each cycle", "  ")
 
 
 def _classical_lines(table: ClassicalTable) -> Iterator[str]:

@@ -229,5 +229,5 @@ def change_in_a_slip(speed: float, share: float) -> str:
     """How much kinetic friction changes up to the highest speed of a slip [m/s], as a share of the fall, in words."""
     return (
         f"up to about {three_figures(1e3 * speed)} mm/s in a slip kinetic friction changes by "
-        f"{three_figures(100 * share)} % of the fall"
+        f"{three_figures(100 * share)} % of μs − μk0"
     )

@@ -52,7 +52,7 @@ class ForceSensor(Effect):
         return Importance(
             "max(|G − 1|, F_0/((μs − μk0) F_n), T_avg/T_slip)",
             max(gain, zero, blur),
-            f"the load cell is off by {100 * gain:.3g} % in gain, {100 * zero:.3g} % of the fall in zero, and averages "
+            f"the load cell is off by {100 * gain:.3g} % in gain, {100 * zero:.3g} % of μs − μk0 in zero, and averages "
             f"over {100 * blur:.3g} % of a slip",
         )
 

@@ -154,6 +154,4 @@ class DirectEffect(Effect):
     def importance(self, p: Mapping[str, float], normal_force: float, drive_speed: float) -> Importance:
         """A against the fall of friction it works against."""
         share = p["direct_strength"] / max(abs(p["mu_s"] - p["mu_k0"]), 1e-12)
-        return Importance(
-            "A/(μs − μk0)", share, f"the direct effect is {100 * share:.3g} % of the fall of friction per e-fold"
-        )
+        return Importance("A/(μs − μk0)", share, f"the direct effect is {100 * share:.3g} % of μs − μk0 per e-fold")

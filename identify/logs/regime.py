@@ -246,7 +246,7 @@ def _discriminate(shape: _Shape, phases: Segmentation, known: Known) -> tuple[bo
     loads = shape.rate / known.loading_rate if known.loading_rate else np.nan
     evidence = []
     if np.isfinite(shape.straight):
-        evidence.append(f"lines of one slope explain {100 * max(shape.straight, 0.0):.0f} % of {shape.rises} rises")
+        evidence.append(f"{shape.rises} rises, to {100 * max(shape.straight, 0.0):.0f} % straight and of one slope")
     if np.isfinite(loads):
         ratio = "less than 0.01" if loads < 0.01 else f"{loads:.3g}" if loads < 100.0 else "over 100"
         evidence.append(f"their slope is {ratio} of stiffness times drive speed")
@@ -254,10 +254,10 @@ def _discriminate(shape: _Shape, phases: Segmentation, known: Known) -> tuple[bo
     bent = not shape.one_sine and (shape.straight < STRAIGHT or unlike)
     if shape.rises and (bent or not COVERS[0] <= shape.covers <= COVERS[1]):
         sure = _probability(10.0 * (STRAIGHT - shape.straight)) if shape.straight < STRAIGHT else 0.9
-        return False, sure, (*evidence, "sticks would rise alike and straight, by as much as a slip falls, and slower")
+        return False, sure, (*evidence, "sticks would rise alike and straight, by as much as a slip drops, and slower")
     odds = 2.0 * float(np.log(max(shape.share, 1e-9) / SMALL))
     if shape.asymmetry > 1.0:
-        evidence.append(f"a fall is {shape.asymmetry:.2g} times as fast as a rise")
+        evidence.append(f"a drop is {shape.asymmetry:.2g} times as fast as a rise")
         odds += SAWTOOTH * float(np.log(max(shape.asymmetry / AS_LONG, 1.0)))
     if np.isfinite(loads):
         off = abs(float(np.log(loads))) if loads > 0.0 else np.inf

@@ -178,10 +178,10 @@ def draw_force(curves: LogCurves, position: int, accepted: bool, columns: int = 
         kept = np.unique(np.concatenate([extremes(shown[name], STRETCHES) for name in ("measured", "residual")]))
         drawn = {f"{n}_N": v[kept] for n, v in shown.items() if np.isfinite(v).any()}
         tables[f"log_{position}_force{'_closeup' * column}"] = {"time_s": time[kept], **drawn}
+    at = f" ({quantity(curves.drive_speed, 'm/s')})" if np.isfinite(curves.drive_speed) else ""
+    noise = "; dashed: ± 2 SD of the noise" if fitted and np.isfinite(curves.noise) else ""
     what = "Measured and fitted friction force with residuals" if fitted else "Measured friction force with its cycles"
     caption = (
-        f"Drive speed {quantity(curves.drive_speed, 'm/s')}." if np.isfinite(curves.drive_speed) else "",
-        "Dashed: ± 2 SD of the noise." if fitted and np.isfinite(curves.noise) else "",
         "" if fitted else "No curve was fitted through this log; the marks are the cycles detected in the data.",
         "Behind the measured force: as it was read, before it was corrected." if "raw" in signals else "",
         "The fitted curve is the last iterate of a fit that was not accepted." if fitted and not accepted else "",
@@ -189,7 +189,7 @@ def draw_force(curves: LogCurves, position: int, accepted: bool, columns: int = 
     return Drawing(
         name=f"log_{position}_force",
         figure=figure,
-        alt=f"{what}, and normal force, of log {position} over time; {len(curves.cycles)} cycles are marked.",
+        alt=f"{what}, and normal force, of log {position}{at} over time; {len(curves.cycles)} cycles marked{noise}.",
         caption=" ".join(filter(None, caption)),
         tables=tables,
         log=position,

@@ -59,12 +59,12 @@ def first_screen_views(result: Result) -> dict[str, object]:
         "banner": banner(result),
         "converged": result.converged,
         "parameters": tables.parameter_table({n: e for n, e in result.parameters.items() if n not in open_}),
-        "not_identifiable": [(", ".join(names), reason) for reason, names in reasons.items()],
+        "not_identifiable": [(", ".join(names), wording.with_symbols(reason)) for reason, names in reasons.items()],
         "tolerances": wording.tolerances_text(result.tolerances or {}),
         "notes": result.notes,
         "classical": tables.classical_pages(result.logs),
         "definitions": tables.definitions(result.logs),
-        "last_iterate": [(name, quantity(entry.value, entry.unit)) for name, entry in last],
+        "last_iterate": [(wording.plain_symbol(name), quantity(entry.value, entry.unit)) for name, entry in last],
     }
 
 
@@ -196,7 +196,7 @@ def _log(place: int, log: LogResult, converged: bool) -> dict[str, object]:
 
 def _provenance(result: Result) -> list[tuple[str, str]]:
     """What was tried and how long it took, and with what the result was made."""
-    tried = ", ".join(dict.fromkeys(f"{trial.strategy} ({trial.status})" for trial in result.search))
+    tried = ", ".join(dict.fromkeys(f"{trial.strategy} ({trial.status.replace('_', ' ')})" for trial in result.search))
     seconds = ", ".join(f"{stage} {quantity(value, 's', 3)}" for stage, value in result.timing_s.items())
     rows = {"search": tried, "no time for": ", ".join(result.not_tried), "time": seconds}
     rows["accuracy"] = wording.accuracy_text(result.accuracy).removeprefix("accuracy ")

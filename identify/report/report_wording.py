@@ -53,8 +53,8 @@ ANSWER_WORDS: Mapping[str, str] = {
 # What is read from a record has another measure than the model's answer of the same name: peak and valley of the force
 # lie beyond the forces at which the mass begins to slip and rests again.
 RECORD_WORDS: Mapping[str, str] = {
-    "drop": "fall of the force (peak to valley)",
-    "drop_scatter": "scatter of that fall from slip to slip",
+    "drop": "drop (peak to valley)",
+    "drop_scatter": "scatter of that drop from slip to slip",
 }
 OUTCOMES: Mapping[str, str] = {
     "always sticks": "stick-slip, from any start",
@@ -95,8 +95,9 @@ def plain_symbol(name: str) -> str:
 
 
 def with_symbols(text: str) -> str:
-    """A sentence with the symbols of the coefficients in place of their names."""
-    return re.sub(r"\b(mu_s|mu_k0|delta_mu_k)\b", lambda match: plain_symbol(match[0]), text)
+    """A sentence with the symbols or words of parameters in place of their keys."""
+    keys = r"\b(mu_s|mu_k0|delta_mu_k|strength_scatter|weakening_length|level_wander|level_roughness)\b"
+    return re.sub(keys, lambda match: plain_symbol(match[0]), text)
 
 
 def with_group(name: str, group: str) -> str:

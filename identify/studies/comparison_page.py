@@ -152,7 +152,7 @@ def _compared(comparison: Comparison) -> dict[str, object]:
         "sentences": together(sentences(comparison)),
         "parameters": tables["parameters"].select("parameter", by, "mean", "unit", "fits", who or "", "remark"),
         "differences": tables["differences"].select(*different),
-        "scatter": tables["scatter"].select(*(c for c in tables["scatter"].columns if c not in hidden)),
+        "scatter": tables["scatter"].select(*(c for c in tables["scatter"].columns if c not in hidden)).filled(),
         "forests": [forest(comparison, entry) for entry in comparison.quantities if entry.pooled],
         "left_out": replace(tables["left_out"], rows=tuple(left_out)),
         "missing": missing,
@@ -353,7 +353,7 @@ def fits_table(entries: Sequence[FitEntry], links: Sequence[str] = ()) -> Output
             entry.message,
             *(entry.labels.get(label) for label in labels),
             len(entry.result.logs),
-            Cell(gate.chi2_per_sample, number(gate.chi2_per_sample, 3)) if gate else None,
+            Cell(gate.chi2_per_sample, decimals(gate.chi2_per_sample, 3)) if gate else None,
         ]
         for name, scale in zip(names, scales, strict=True):
             p, cell = entry.result.parameters.get(name, ParameterResult(None)), Cell()

@@ -157,3 +157,6 @@ export const duration = (value) => value < 100 ? `${value.toFixed(value < 10 ? 1
 export function command(text) {
   return element("p", {}, element("code", {}, text), " ", button("copy", () => navigator.clipboard.writeText(text), { title: "Copy this command" }));
 }
+
+/** Parameters as the report writes them. */
+export const SYMBOLS = { mu_s: "μₛ", mu_k0: "μₖ₀", delta_mu_k: "Δμₖ" };

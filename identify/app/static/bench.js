@@ -1,6 +1,7 @@
 // At the bench: a rig from short records of it, or which logs to record next: tables, and what the command line prints.
-import { button, command, duration, element, fileAddress, get, labelled, link, plain, post, put, quantity, refill, say, table } from "./base.js";
+import { button, command, duration, element, fileAddress, get, labelled, link, plain, post, put, quantity, refill, say, style, SYMBOLS, table } from "./base.js";
 import { fitOf, start } from "./jobs.js";
+import { line, picture } from "./plots.js";
 
 const BEFORE = "before.toml"; // a scene of no log: what a first plan starts from
 const EFFECTS = ["inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening", "varying_normal_force"];
@@ -13,8 +14,18 @@ const TABLES = {
   plan: ({ logs, now, then, verdicts }) => [
     logs.length ? table([...["drive speed", "normal force", "stiffness", "duration", "rate", "slips"].map((number) => ({ number })), ""], logs.map((log) => [
       ...[quantity(log.drive, "m/s", 3), quantity(log.normal_force, "N", 3), quantity(log.stiffness, "N/m", 3), duration(log.duration), quantity(log.sampling_rate, "Hz", 3), plain(log.slips, 3)].map((number) => ({ number })), log.repeats ? "a repeat with another specimen" : ""]), { class: "cards" }) : null,
-    table(["parameter", { number: "now" }, { number: "with these logs" }, "then"], Object.keys(then).map((name) => [name, { number: share(now[name]) }, { number: share(then[name]) }, verdicts[name]]), { class: "cards" })],
+    table(["parameter", { number: "now" }, { number: "with these logs" }, "then"], Object.keys(then).map((name) => [SYMBOLS[name] ?? name, { number: share(now[name]) }, { number: share(then[name]) }, verdicts[name]]), { class: "cards" }), element("div", { id: "halves" })],
 };
+
+/** How far the intervals of a plan reach now, and with its logs. */
+function halves(host, { now, then }) {
+  const names = Object.keys(then), known = [...Object.values(now), ...Object.values(then)].filter((half) => Number.isFinite(half)), reach = Math.min(100, 120 * Math.max(0.01, ...known));
+  picture(host, { height: 60 + 24 * names.length, x: { label: "95 % interval about the value (%); thin: now, thick: with these logs", range: [-1.4 * reach, 1.1 * reach] }, y: { label: "", range: [names.length - 0.5, -0.5], names: true },
+    draw: (context, x, y) => names.forEach((name, i) => {
+      for (const [of, width] of [[now, 1.5], [then, 5]]) { const half = Math.min(100 * (of[name] ?? Infinity), 1.1 * reach); line(context, [-half, half], [i, i], x, y, style("--model"), { width }); }
+      context.fillStyle = style("--ink"); context.font = "13px system-ui"; context.textAlign = "left"; context.textBaseline = "middle"; context.fillText(SYMBOLS[name] ?? name, x(-1.39 * reach) + 4, y(i));
+    }) });
+}
 
 /** What is typed here is kept: a page that is loaded again has it still. */
 function kept(key, attributes) {
@@ -65,6 +76,7 @@ export function benchView(host, part, session) {
     const found = job.state === "done" ? await get("job", { id: job.id }) : null, written = job.out && found?.out;
     refill(place, found ? TABLES[kind](found) : element("p", {}, job.message), found ? element("details", { open: !found.out }, element("summary", {}, "in words"), element("pre", { "data-said": kind }, job.words)) : null,
       written ? element("p", {}, element("a", { href: fileAddress(job.out, true) }, job.out), words, more) : null, command(job.command));
+    if (found && kind === "plan") halves(place.querySelector("#halves"), found);
   }
   const fill = () => {
     const key = JSON.stringify(session.folder.logs.map((log) => log.path));

@@ -106,8 +106,8 @@ export async function fitView(host, asked, session) {
     const job = await start(session, { command: "fit", scene, out: out.value, accuracy: accuracy.value, "time-limit": limit.value, ...options });
     stop();
     refill(place, element("p", { class: "quiet" }, "The fit is running; its stage and the time left are shown at the bottom. It continues when this page is closed."));
-    stop = whenEnded(job.id, session, (ended) => { if (ended.state === "done" && host.isConnected) { remember({ path: ended.out, second: "" }); show(ended.out); } else if (ended.state !== "done") say(ended.message); });
-  }, { class: "main", disabled: !scene });
+    stop = whenEnded(job.id, session, (ended) => { if (ended.state === "done" && host.isConnected) { remember({ path: ended.out, second: "" }); show(ended.out); } else if (ended.state !== "done") { refill(place); say(ended.message); } });
+  }, { class: "main", disabled: !scene || Boolean(text?.error) });
   const show = async (path, second) => {
     close?.();
     const found = await result(place, path, second, session), renewed = choice(accuracies(found.seen), accuracy.value, () => {}, { "aria-label": "accuracy" });

@@ -1,5 +1,5 @@
 // Study: a batch from chosen logs, its fits as they finish, the comparison by a label, every point linked to its fit.
-import { address, button, choice, element, fileAddress, get, labelled, link, newestWins, post, put, refill, remember, say, style, table } from "./base.js";
+import { address, button, choice, element, fileAddress, get, labelled, link, newestWins, post, put, refill, remember, say, style, SYMBOLS, table } from "./base.js";
 import { start, whenEnded } from "./jobs.js";
 import { meant } from "./logs.js";
 import { mark, picture, span } from "./plots.js";
@@ -9,16 +9,16 @@ const SHAPES = ["circle", "square", "diamond", "cross"];
 /** One parameter over the groups, with intervals; a click on a row opens its fit. */
 function forest(host, groups, name, label) {
   const rows = groups.filter((group) => group.parameters?.[name]?.value !== null && group.parameters?.[name] !== undefined);
-  if (!rows.length) { refill(host, element("p", {}, `no group has a value of ${name} yet`)); return; }
+  if (!rows.length) { refill(host, element("p", {}, `no group has a value of ${SYMBOLS[name] ?? name} yet`)); return; }
   const ends = rows.flatMap(({ parameters: { [name]: p } }) => [p.value, ...(p.interval ?? []).filter((end) => end !== null)]);
   const kinds = [...new Set(rows.map((row) => row.labels?.[label] ?? ""))];
-  const made = picture(host, { height: 60 + 24 * rows.length, x: { label: `${name} ${rows[0].parameters[name].unit}`, range: span(ends) }, y: { label: "", range: [rows.length - 0.5, -0.5], names: true },
+  const made = picture(host, { height: 60 + 24 * rows.length, x: { label: `${SYMBOLS[name] ?? name} ${rows[0].parameters[name].unit}`, range: span(ends) }, y: { label: "", range: [rows.length - 0.5, -0.9], names: true },
     draw: (context, x, y) => rows.forEach((row, i) => {
       const p = row.parameters[name], [low, high] = p.interval ?? [null, null];
       context.strokeStyle = style("--ink"); context.lineWidth = 1.5;
       context.beginPath(); context.moveTo(x(low ?? ends[0]), y(i)); context.lineTo(x(high ?? p.value), y(i)); if (low !== null && high !== null) context.stroke();
       mark(context, x(p.value), y(i), style("--force"), SHAPES[kinds.indexOf(row.labels?.[label] ?? "") % SHAPES.length], 5);
-      context.fillStyle = style("--ink"); context.font = "12px system-ui"; context.fillText(row.group, 70, y(i) - 6);
+      context.fillStyle = style("--ink"); context.font = "12px system-ui"; context.textAlign = "left"; context.fillText(row.group, 70, y(i) - 6);
     }) });
   host.style.cursor = "pointer";
   host.title = "a click opens the fit";
@@ -80,9 +80,9 @@ export async function studyView(host, asked, session) {
     label = label || found.labels[0] || "";
     const plot = element("div", { id: "forest" }), into = `${path}-by-${label || "group"}`;
     refill(seen, element("h2", {}, path), element("p", {}, `${found.groups.length} groups done${busy ? "; the batch is running" : ""}`),
-      table(["group", "status", ...names.map((name) => ({ number: name })), "message"], found.groups.map((group) => [group.fit ? link(group.group, "fit", { path: group.fit }) : group.group, (group.status ?? "").replaceAll("_", " "),
+      table(["group", "status", ...names.map((name) => ({ number: SYMBOLS[name] ?? name })), "message"], found.groups.map((group) => [group.fit ? link(group.group, "fit", { path: group.fit }) : group.group, (group.status ?? "").replaceAll("_", " "),
         ...names.map((name) => ({ number: group.shown?.[name] ?? "–" })), group.message]), { id: "groups", class: "cards" }),
-      names.length ? element("div", { class: "bar" }, labelled("forest plot of", choice(names, parameter, (to) => { parameter = to; forest(plot, found.groups, parameter, label); })),
+      names.length ? element("div", { class: "bar" }, labelled("forest plot of", choice(names.map((name) => [name, SYMBOLS[name] ?? name]), parameter, (to) => { parameter = to; forest(plot, found.groups, parameter, label); })),
         found.labels.length ? labelled("marks by", choice(found.labels, label, (to) => { label = to; shown = ""; fill(true); })) : "",
         label ? button(`compare by ${label}`, async () => {
           const job = await start(session, { command: "compare", fits: [path], by: label, out: into });
