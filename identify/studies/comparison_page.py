@@ -346,14 +346,14 @@ def fits_table(entries: Sequence[FitEntry], links: Sequence[str] = ()) -> Output
         heads += [f"{name}{tail}", f"{name} standard error{tail}", f"{name} verdict"]
     rows: list[Row] = []
     for entry, link in zip(entries, links or [""] * len(entries), strict=True):
-        gate = entry.result.gate
+        misfit = None if entry.result.gate is None else entry.result.gate.chi2_per_sample
         row: list[Cell | str | int | float | None] = [
             Cell(entry.name, link=link),
             Cell(entry.status, entry.status.replace("_", " "), kind="good" if entry.converged else "bad"),
             entry.message,
             *(entry.labels.get(label) for label in labels),
             len(entry.result.logs),
-            Cell(gate.chi2_per_sample, decimals(gate.chi2_per_sample, 3)) if gate else None,
+            Cell(misfit, "" if misfit is None else decimals(misfit, 3)),
         ]
         for name, scale in zip(names, scales, strict=True):
             p, cell = entry.result.parameters.get(name, ParameterResult(None)), Cell()
