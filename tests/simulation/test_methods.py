@@ -8,9 +8,9 @@ from scipy.integrate import solve_ivp
 from scipy.integrate._ivp import dop853_coefficients
 
 from experiments.reference_methods import ALL, BOGACKI_SHAMPINE, DORMAND_PRINCE, LOW, MIDDLE
-from identify.base import tableaus
 from identify.base.errors import SimulationError
 from identify.model.model import SPEED, assemble
+from identify.simulation import steppers
 from identify.simulation.plan import ACCURACY, Stepping, accuracy_for, plan, scales
 from identify.simulation.simulate import run
 from identify.simulation.stepper import Situated, trial
@@ -69,17 +69,17 @@ def test_measured_order_is_the_stated_one(method: Method, counts: tuple[int, ...
 
 
 def test_tableaus_are_consistent_and_the_high_one_is_scipys() -> None:
-    for tableau in (tableaus.RK4, tableaus.DOP853, DORMAND_PRINCE, BOGACKI_SHAMPINE):
+    for tableau in (steppers.RK4, steppers.DOP853, DORMAND_PRINCE, BOGACKI_SHAMPINE):
         assert sum(tableau.b) == pytest.approx(1.0, abs=1e-14)
         assert [sum(row) for row in tableau.a] == pytest.approx(list(tableau.c), abs=1e-14)
         for error in (tableau.error, tableau.coarse):
             assert sum(error) == pytest.approx(0.0, abs=1e-14)
-    n = len(tableaus.DOP853.c)
+    n = len(steppers.DOP853.c)
     assert n == dop853_coefficients.N_STAGES
-    for i, row in enumerate(tableaus.DOP853.a):
+    for i, row in enumerate(steppers.DOP853.a):
         assert list(row) == dop853_coefficients.A[i, :i].tolist()
-    assert list(tableaus.DOP853.error) == dop853_coefficients.E5[:n].tolist()
-    assert list(tableaus.DOP853.coarse) == dop853_coefficients.E3[:n].tolist()
+    assert list(steppers.DOP853.error) == dop853_coefficients.E5[:n].tolist()
+    assert list(steppers.DOP853.coarse) == dop853_coefficients.E3[:n].tolist()
 
 
 @pytest.mark.parametrize("method", ALL, ids=lambda method: method.name)
