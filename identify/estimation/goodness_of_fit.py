@@ -112,11 +112,11 @@ def pass_gate(solved: Solved, names: Sequence[str], noise_estimated: Sequence[bo
             squares, counts = halves.reshape(2, 2, -1).sum(axis=1)
             z = _standardised(squares, counts, log, estimated)[1]
             measured = f"{chi2:.3f} of the variance measured in the sticks"
-            message = f"the misfit is autocorrelated noise ({measured}) in all {z.size} cycles"
+            message = f"all {z.size} cycles fit within autocorrelated noise (misfit {measured})"
     if status is Status.CONVERGED:
         quiet = np.min(level[estimated], initial=1.0) < 1.0 - 4.0 * NOISE_ERROR
         variance = "the variance measured in the sticks" if quiet else "its variance"
-        message = message or f"the misfit is noise ({chi2:.3f} of {variance}) in all {z.size} cycles"
+        message = message or f"all {z.size} cycles fit within the noise (misfit {chi2:.3f} of {variance})"
         unknowns = solved.problem.layout.unknowns
         refused = (test(solved, names) for test in (_windows, _swings, _load_pulls, odd_stick))
         if broken := inconsistency(solved.problem.logs, solved.trajectories, unknowns, solved.theta, names):

@@ -437,7 +437,7 @@ def _change(site: Site, q: Axis, tested: Tested | None, margin: float) -> Change
     other = powers[steady != now_steady]
     if not other.size:
         kind = f"from {shown(low, unit)} to {shown(high, unit)}"
-        reason = f"{'any, it is steady' if now_steady else 'cannot be reached, it is not steady'} {kind}"
+        reason = f"{'any value is steady' if now_steady else 'cannot be reached: none is steady'} {kind}"
     else:
         far = other[np.argmin(np.abs(other) - 0.25 * (other > 0))]  # of two as near the one above
         rising = bool((far > 0) != now_steady)  # steady lies above

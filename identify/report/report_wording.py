@@ -176,6 +176,6 @@ def tolerances_text(tolerances: Mapping[str, ToleranceResult]) -> str:
     listed = "; ".join(f"{100 * share:g} % of {', '.join(words)}" for share, words in names.items())
     usual = "" if all(t.source == "scene" for t in tolerances.values()) else "usual "
     return (
-        f"The 95 % interval is the one to publish: it includes errors of rig and sensors ({usual}standard deviations: "
-        f"{listed}; [tolerances] in the scene changes them). Rig exact: noise alone, to compare runs on this rig"
+        f"Publish the 95 % interval: it includes {usual}errors of rig and sensors (standard deviations, changed by "
+        f"[tolerances] in the scene: {listed}). Rig exact: noise alone, to compare runs on this rig"
     )

@@ -186,9 +186,9 @@ def _notes(scene: Scene, prepared: list[Prepared], findings: Findings) -> Iterat
             )
         if each_speed_alone(findings):
             yield (
-                "Each drive speed stands in one log: a difference between specimens, days or loads would count as one "
-                "of speed, and the intervals include a usual one. Repeat one speed, or state specimen = 0 under "
-                "[tolerances] where all logs are of one specimen."
+                "Each drive speed was recorded once, so that specimens, days or loads that differ look like an effect "
+                "of speed; the intervals include a usual difference. Repeat one speed; of one specimen state "
+                "specimen = 0 under [tolerances]."
             )
     doubts = [(log.entry.path.name, f.message) for log in prepared for f in log.record.findings if f.code == DISAGREES]
     yield from (f"{name}: {message}." for name, message in dict.fromkeys(doubts))
