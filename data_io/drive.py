@@ -15,7 +15,7 @@ MOST: Final = 200
 """Steps of a programme at most."""
 SAME: Final = 0.05
 """Share of the larger by which the speeds of two pieces that follow each other differ if they are two."""
-_POINTS: Final = 4000  # means over rows in which the motion is looked at; a turn is found to the row afterwards
+_POINTS: Final = 4000, 40_000  # means over rows in which a motion is looked at: a noisy one, one without noise
 _FEWEST: Final = 4  # means of which a piece consists at least
 _CORNER: Final = 8.0  # standard deviations of the noise by which a motion must leave a straight line to have a corner
 _STRAIGHT: Final = 0.003  # share of the travel by which an even motion may leave a straight line
@@ -105,17 +105,23 @@ def evened(speeds: list[float]) -> list[float]:
     return [float(np.copysign(middle[abs(speed)], speed)) if speed else 0.0 for speed in speeds]
 
 
+def _width(motion: Motion, rows: int) -> int:
+    """Over how many of so many rows the motion is averaged: long means lose short holds, short ones noise."""
+    wanted = (_CORNER * motion.noise[0] / (_STRAIGHT * float(np.ptp(motion.position)))) ** 2
+    return max(int(np.clip(wanted, *(rows // points for points in reversed(_POINTS)))), 1)
+
+
 def _corners(motion: Motion, start: int, stop: int) -> list[int]:
     """Return the first rows of the pieces of a step: lines between means of rows leave the motion by no more than the
     tolerance (Douglas and Peucker 1973)."""
-    width = max((stop - start) // _POINTS, 1)
+    width, straight = _width(motion, stop - start), _STRAIGHT * float(np.ptp(motion.position[start:stop]))
     count = (stop - start) // width
     if count < 2 * _FEWEST:
         return [start]
     rows = slice(start, start + count * width)
     t, x = (values[rows].reshape(count, width).mean(axis=1) for values in (motion.time, motion.position))
     corners, waiting = [0], [(0, count - 1)]
-    tolerance = max(_CORNER * motion.noise[0] / np.sqrt(width), _STRAIGHT * float(np.ptp(x)))
+    tolerance = max(_CORNER * motion.noise[0] / np.sqrt(width), straight)
     while waiting and len(corners) <= 10 * MOST:
         a, b = waiting.pop()
         if b - a < 2 * _FEWEST:
@@ -131,7 +137,13 @@ def _corners(motion: Motion, start: int, stop: int) -> list[int]:
 def _joined(motion: Motion, bounds: list[int]) -> tuple[Piece, ...]:
     """Put neighbours of one speed together, and each border where the motion leaves the mean of both speeds most."""
     time, x, pieces = motion.time, motion.position, list[Piece]()
-    slopes = [_slope(motion, a, b) for a, b in pairwise(bounds)]
+    slopes, shortest = [_slope(motion, a, b) for a, b in pairwise(bounds)], _FEWEST * _width(motion, x.size)
+    between = [  # the shortest pieces of a speed between those beside them are no pieces, but hold a corner
+        i for i in range(1, len(slopes) - 1)
+        if bounds[i + 1] - bounds[i] <= shortest and slopes[i][0] == sorted(slopes[i - 1 : i + 2])[1][0]
+    ]  # fmt: skip
+    bounds = [bound for i, bound in enumerate(bounds) if i not in between]
+    slopes = [slope for i, slope in enumerate(slopes) if i not in between]
     fast = max(abs(speed) for speed, _ in slopes)
     for (a, b), (speed, error) in zip(pairwise(bounds), slopes, strict=True):
         if abs(speed) <= max(_STANDS * fast, min(_CORNER * error, _HIDDEN * fast)):

@@ -19,11 +19,13 @@ from data_io.record import WINDOW_START
 from identify.base.document import finite, to_dict, to_document
 from identify.base.progress import to_nobody
 from identify.base.result import ClassicalTable
-from identify.base.wording import DASH, columns, number, programme_text, quantity, wrapped
+from identify.base.table import Cell, OutputTable
+from identify.base.wording import DASH, columns, number, programme_text, quantity, scale_for, speed_text, wrapped
 from identify.cli.arguments import MEASURED, log_options, new_file, picture, read
 from identify.cli.common import Answer, CommandLineError, Exit, Terminal
 from identify.logs.classical import table_of
 from identify.logs.draft import DraftLog, draft
+from identify.logs.drive_changes import DriveChange, drive_changes, summary
 from identify.logs.judgement import Judgement, RecordPart, judge
 from identify.logs.recorded_drive import NOT_STATED, RecordedDrive, drive_of, mentioned_speed, recorded_drive
 from identify.logs.regime import SURE, Known, LogRegime, Regime, joined, look, only_of
@@ -39,6 +41,7 @@ REPLICATED = (
 )  # fmt: skip
 ALIKE = 0.05  # by which the loads of replicates differ
 MOST_STROKES = 2  # fit beside each other in 80 columns
+MOST_CHANGES = 12  # of the drive, on a screen
 LONGEST_NAME = 24  # of a log in the table of all, which is to fit in 80 columns
 THUMBNAIL = 60  # stretches of the thumbnail of a log
 KINDS = {"stick": STICK, "slip": SLIP, "sliding": SLIDING}
@@ -67,6 +70,7 @@ class Inspection:
     classical: ClassicalTable
     drive: RecordedDrive
     regime: LogRegime
+    changes: tuple[DriveChange, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -121,7 +125,10 @@ def inspection(path: str, record: Record, rig: StatedRig = StatedRig()) -> Inspe
         regime = only_of(regime, kept)
     regime = replace(regime, evidence=(*regime.evidence, *_measured_at(record, steps, known)))
     table = table_of(record, regime, stiffness=rig.stiffness)
-    return Inspection(path, record, judge(record, parts), tuple(steps), table, recorded, regime)
+    speeds = {(own.step.run, own.step.number): own.drive.speed for own in steps}
+    driven = tuple(replace(s, speed=s.speed or speeds.get((s.run, s.step))) for s in regime.strokes)
+    changes = drive_changes(record, replace(regime, strokes=driven))
+    return Inspection(path, record, judge(record, parts), tuple(steps), table, recorded, regime, changes)
 
 
 def _measured_at(record: Record, steps: Sequence[StepSeen], known: Known) -> list[str]:
@@ -169,6 +176,11 @@ def lines(seen: Inspection) -> Iterator[str]:
     for step in seen.steps:
         yield from _step_lines(step, several)
     yield from _classical_lines(seen.classical)
+    if seen.changes:
+        yield wrapped(f"{summary(seen.changes)}:", "  ")
+        yield change_table(seen.changes[:MOST_CHANGES]).to_text()
+    if len(seen.changes) > MOST_CHANGES:
+        yield f"  … and {len(seen.changes) - MOST_CHANGES} changes of the drive more: see --json"
     yield ""
 
 
@@ -223,6 +235,30 @@ def _classical_lines(table: ClassicalTable) -> Iterator[str]:
                  with_sd(mean.coefficient, mean.coefficient_sd), quantity(mean.trend_percent, "%", 3))
                 for mean in table.directions]  # fmt: skip
         yield columns(list(map(list, zip(heads, *each, strict=True))))
+
+
+def change_table(changes: Sequence[DriveChange]) -> OutputTable:
+    """Holds and velocity steps, a row each, without the columns that none has."""
+    of_length = scale_for(next((c.D_c_m for c in changes if c.D_c_m), None), "m")
+    every = {
+        "from (s)": [Cell(c.start_s, number(c.start_s, 5)) for c in changes],
+        "to": [Cell(c.speed_after_m_per_s, speed_text(c.speed_after_m_per_s or 0.0, 3)) for c in changes],
+        "before": [_coefficient(c.before_coefficient) for c in changes],
+        "peak": [_coefficient(c.peak_coefficient) for c in changes],
+        "after": [_coefficient(c.after_coefficient) for c in changes],
+        "direct effect": [_coefficient(c.direct_effect) for c in changes],
+        "evolution effect": [_coefficient(c.evolution_effect) for c in changes],
+        f"D_c ({of_length.unit})": [
+            Cell(c.D_c_m, "" if c.D_c_m is None else number(c.D_c_m / of_length.factor, 2)) for c in changes
+        ],
+    }
+    kept = {head: cells for head, cells in every.items() if any(cell.value is not None for cell in cells)}
+    rows = tuple((change.name, *cells) for change, *cells in zip(changes, *kept.values(), strict=True))
+    return OutputTable("Holds and velocity steps", ("", *kept), rows, "drive_changes")
+
+
+def _coefficient(value: float | None) -> Cell:
+    return Cell(value, number(value, 3))
 
 
 def overview(logs: Sequence[tuple[str, Inspection | None]]) -> str:
@@ -321,6 +357,7 @@ def document(seen: Inspection) -> dict[str, object]:
             for step, signs, regime, phases in ((s.step, s.signs, s.seen, s.phases) for s in seen.steps)
         ],
         "classical": to_document(seen.classical),
+        "drive_changes": [to_document(change) for change in seen.changes],
     }
 
 

@@ -15,6 +15,8 @@ from data_io import Record
 from data_io.quality import describe_sampling
 from identify.base.wording import speed_text
 from identify.effects import MAIN
+from identify.logs.classical import FEWEST_ROWS
+from identify.logs.drive_changes import drive_changes, summary
 from identify.logs.judgement import RecordPart, judge
 from identify.logs.recorded_drive import (
     RecordedDrive,
@@ -29,7 +31,6 @@ from identify.logs.segment import jumps, sensor_place
 from identify.scene.toml import to_fill_in
 
 FEWEST_CYCLES = 2
-FEWEST_ROWS = 20  # of a stretch of one speed in which sticks are looked for
 HEAD = """# A first scene, written from the logs below by: stickslip scene
 # Everything marked TODO is for you to fill in. A quantity is text with a unit, or a bare SI number.
 """
@@ -74,7 +75,7 @@ class Draft:
 class _Seen:
     """What one piece shows, SI. stiffness [N/m]: while the contact sticks, the force rises at stiffness times drive
     speed; slope [N/s]: of a typical stick; None without one, or an unknown speed; jumps: how many drops of the force
-    are jumps, and how many drops there are; left_out: why it is, "" where not."""
+    are jumps, and how many drops there are; left_out: why it is, "" where not; changes: its holds and speed steps."""
 
     piece: DraftLog
     drive: RecordedDrive
@@ -85,6 +86,7 @@ class _Seen:
     slides: bool
     jumps: tuple[int, int]
     left_out: str
+    changes: str
 
 
 def draft(pieces: Sequence[DraftLog], folder: Path, options: Mapping[str, object], rig: Path | None = None) -> Draft:
@@ -153,7 +155,8 @@ def _seen(piece: DraftLog) -> _Seen:
     slope = float(np.median([slope for slope, _ in slopes])) if slopes else None
     stiffness = float(np.median(stiffnesses)) if stiffnesses else None
     drops = jumps(signs * record.friction_force, whole, 0.0)
-    return _Seen(piece, drive, facts, slope, stiffness, whole.noise, slides, drops, left_out)
+    changes = summary(drive_changes(record, seen))
+    return _Seen(piece, drive, facts, slope, stiffness, whole.noise, slides, drops, left_out, changes)
 
 
 def _log_lines(log: _Seen, folder: Path, options: Mapping[str, object], rest: _Seen | None) -> list[str]:
@@ -162,6 +165,8 @@ def _log_lines(log: _Seen, folder: Path, options: Mapping[str, object], rest: _S
     lines = [f"# {log.facts}", "[[logs]]", f"path = {_located(piece.path, folder)}"]
     if log.slides:
         lines.insert(1, "# it slides: it determines the friction at its speed, and with slower logs a and delta_mu_k")
+    if log.changes:
+        lines.insert(1, f"# {log.changes} (holds determine t_cr and mu_s)")
     if drive.programme is None:
         slope = "" if log.slope is None else f"; the force rises at {log.slope:.4g} N/s in stick, that is k times it"
         head = velocity_in_head(piece.record)

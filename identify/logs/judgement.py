@@ -15,7 +15,7 @@ from data_io.values import Finding
 from identify.base.result import QualityFigure, QualityResult
 from identify.logs.noise import line_slope, slope_error
 from identify.logs.recorded_drive import speed_of, turns_of_sign
-from identify.logs.regime import CERTAIN, Spectrum, classify
+from identify.logs.regime import CERTAIN, FEW, Spectrum, classify
 from identify.logs.segment import SLIDING, STICK, Segmentation, segment
 
 Array = NDArray[np.float64]
@@ -23,7 +23,6 @@ Array = NDArray[np.float64]
 ENDS_LOADING = "the log ends while the first stick still loads"
 RECORD_LONGER = "record longer, or faster"
 ENOUGH = 1 << 12  # samples that tell a level
-FEW = 3  # slips of the normal force, or of the force turned over, where the friction force has none
 USUAL = (0.001, 10.0)  # friction over normal force; beyond it a unit is wrong
 LINE, LARGE = 0.35, 0.05  # share of the power in the line of an oscillation, and its sd over the force, worth a word
 SAMPLES = (2.2, 4.0, 14.0)  # per period: of an oscillation that may be seen, may be counted, and is sampled well enough

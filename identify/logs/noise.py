@@ -38,6 +38,18 @@ def smooth(force: Array, width: int) -> Array:
     return force if width < 3 else np.pad(running_means(force, width), width // 2, mode="edge")
 
 
+def largest_drop(force: Array) -> float:
+    """By how much a force (n,) drops at most, rises on the way included [N], in means over 1, 2, 4, ... samples; 0
+    where it does by less than ten standard deviations of them, which their second differences show."""
+    largest, width, rounding = 0.0, 1, grid_step(force[: 1 << 15]) / sqrt(12.0)
+    while force.size // width >= 30:
+        means = force[: force.size // width * width].reshape(-1, width).mean(axis=1)
+        noise = max(1.4826 * float(np.median(np.abs(np.diff(means, 2)))) / sqrt(6.0), rounding / sqrt(width))
+        drop = float(np.max(np.maximum.accumulate(means) - means))
+        largest, width = max(largest, drop if drop > 10.0 * noise else 0.0), 2 * width
+    return largest
+
+
 def line_slope(t: Array, f: Array, noise: float) -> float:
     """Slope of a line through points (n,) [N/s]; outliers are dropped once; 0 with fewer than two points."""
     if t.size < 2:

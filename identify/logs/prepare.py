@@ -16,6 +16,7 @@ from data_io.correct import Change, Corrected, Corrections, correct
 from data_io.quality import mean_and_drift
 from data_io.record import zero_of_times
 from identify.base.errors import FitError
+from identify.logs.classical import FEWEST_ROWS
 from identify.logs.judgement import ENDS_LOADING, RECORD_LONGER, Judgement, RecordPart, judge
 from identify.logs.log_data import LoadSpline, LogData, level, smooth, swing
 from identify.logs.noise import bridged, line_slope, running_means, slope_error
@@ -64,7 +65,6 @@ REPEATABLE = 1e-4  # of the load: no contact repeats a slip better; a fit that b
 UNEQUAL = 0.06  # scatter of the drop from cycle to cycle above which cycles are not alike
 FED = 2.0  # times what the load does to the force at an onset: a slip that comes early finds a fresher contact
 LEVEL = 5.0  # standard errors by which a stretch of a force leaves what is level, or a load what is steady
-LEAST_SETTLED = 20  # samples of steady sliding, at least
 SHORT_RISE, SHORT_LOADING = 40, 2.0  # samples, and half periods: no line is drawn through a shorter first rise
 RISE = (0.15, 0.4, 0.9)  # of the first rise: where a short one is cut, and the stretch a straight line is taken from
 
@@ -331,7 +331,7 @@ def fit_mode_of(log: Segmented, phases: Segmentation, slip_times: Array, stiffne
 def steady_since(time: Array, force: Array, noise: float, half_period: float) -> float | None:
     """Since when a force is level within its noise up to the end [s]; None where it is not for long enough."""
     good = np.isfinite(force)
-    if np.count_nonzero(good) < LEAST_SETTLED:
+    if np.count_nonzero(good) < FEWEST_ROWS:
         return None
     t, f = kept(time, good), kept(force, good)
     width = max(round(2.0 * half_period / float(np.median(thinned_steps(t)))), 8)
@@ -348,7 +348,7 @@ def steady_since(time: Array, force: Array, noise: float, half_period: float) ->
     )
     first = int(np.flatnonzero(restless)[-1]) + 1 if restless.any() else 0
     start = t.size - (count - first) * width
-    return float(t[start]) if first < count and t.size - start >= LEAST_SETTLED else None
+    return float(t[start]) if first < count and t.size - start >= FEWEST_ROWS else None
 
 
 def moving_pieces(drive: Drive, begin: float, end: float) -> list[tuple[float, float, float]]:
@@ -759,7 +759,7 @@ def _as_sure_as_its_level(log: Prepared, data: LogData) -> LogData:
     phase = np.full(time.size, STICK, np.int8)
     phase[inside : inside + log.segmentation.phase.size] = log.segmentation.phase[: phase.size - inside]
     sliding, settled = log.used & (time < data.begin) & (phase == SLIDING), log.used & (time >= data.begin)
-    if share > 0.5 or np.count_nonzero(sliding) < LEAST_SETTLED:
+    if share > 0.5 or np.count_nonzero(sliding) < FEWEST_ROWS:
         return data
     before, after = (float(np.mean(log.force[rows] / data.normal_force.at(time[rows]))) for rows in (sliding, settled))
     off = (1.0 - share) * abs(before / after - 1.0) * data.mean_normal_force if after else 0.0

@@ -20,7 +20,7 @@ from data_io import Record
 from data_io.arrays import thinned
 from data_io.quality import presses
 from identify.base.wording import three_figures
-from identify.logs.noise import bridged
+from identify.logs.noise import bridged, largest_drop
 from identify.logs.recorded_drive import DriveCourse, Stroke, changes_speed, one_speed, strokes
 from identify.logs.segment import FEWEST, SLIDING, DetectedCycles, Resonance, Segmentation, drive_force, segment
 
@@ -167,7 +167,8 @@ class _Shape:
     """Of the rises and falls of a force: their number; straight: share of the usual rise that a line of the one slope
     explains, NaN where they have too few samples; unlike: scatter of their slopes beyond noise, over the one slope;
     asymmetry: duration of a rise over that of a fall; sine: share of the first harmonic; rate: the one slope [N/s];
-    covers: what a rise at it makes up of a fall; frequency [Hz]; share of the level that the fall is."""
+    covers: what a rise at it makes up of a fall; frequency [Hz]; share of the level that the fall is; drift: the largest
+    drop of what has no cycle [N], 0 within its noise."""
 
     rises: int = 0
     straight: float = np.nan
@@ -178,6 +179,7 @@ class _Shape:
     covers: float = np.nan
     frequency: float = np.nan
     share: float = np.nan
+    drift: float = 0.0
 
     @property
     def one_sine(self) -> bool:
@@ -188,7 +190,7 @@ class _Shape:
     def of(cls, time: Array, force: Array, phases: Segmentation) -> _Shape:
         cycles = phases.at_drive or phases.cycles
         if not cycles.count:
-            return cls()
+            return cls(drift=largest_drop(force[np.isfinite(force) & ~phases.spikes]))
         rise, level = cycles.onset[1:] - cycles.arrest[:-1], abs(float(np.nanmedian(force)))
         swing = float(np.median(cycles.drop))
         share = swing / level if level > 0.0 else np.inf
@@ -242,6 +244,8 @@ def _discriminate(shape: _Shape, phases: Segmentation, known: Known) -> tuple[bo
         text = "no drop of the force exceeds its noise"
         if phases.other_falls:
             text = f"{phases.other_falls} drops exceed the noise, none of them faster than the rise before it"
+        elif shape.drift:
+            text = f"the force drops by up to {shape.drift:.3g} N in all, slowly and in no slip"
         return False, 0.95, (text,)
     loads = shape.rate / known.loading_rate if known.loading_rate else np.nan
     evidence = []
