@@ -156,6 +156,8 @@ def _with_effects(change: DriveChange, time: Array, coefficient: Array) -> Drive
     turn = int(np.argmax(way * mean[: 2 * mean.size // 3]))
     between = speed * width * float(np.median(np.diff(time)))
     x, y = between * (np.arange(mean.size - turn) + 0.5), mean[turn:]
+    if x[-1] < 50.0 * between:
+        return change
     lengths, fits = np.geomspace(10.0 * between, x[-1] / 4.0, 100).tolist(), []
     for length in lengths:
         shape = np.exp(-x / length)

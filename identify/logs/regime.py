@@ -167,7 +167,7 @@ class _Shape:
     """Of the rises and falls of a force: their number; straight: share of the usual rise that a line of the one slope
     explains, NaN where they have too few samples; unlike: scatter of their slopes beyond noise, over the one slope;
     asymmetry: duration of a rise over that of a fall; sine: share of the first harmonic; rate: the one slope [N/s];
-    covers: what a rise at it makes up of a fall; frequency [Hz]; share of the level that the fall is; drift: the largest
+    covers: what a rise at it makes up of a fall; frequency [Hz]; share of the level that the fall is; drift: largest
     drop of what has no cycle [N], 0 within its noise."""
 
     rises: int = 0

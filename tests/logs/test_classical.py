@@ -152,15 +152,29 @@ def test_figures_of_standards_follow_from_their_definitions():
     assert row["static_over_kinetic"] == pytest.approx(0.6 / (mean / 2.0), rel=0.01)
     assert row["slips_per_mm"] == pytest.approx(1 / 0.408, rel=0.01)
     assert row["jump_length_m"] == pytest.approx(0.4 / 1000.0, rel=0.01)
-    assert only_row(table(record, None))["slips_per_mm"] is None
+    assert row["kinetic_travel_m"] == pytest.approx(1e-3 * (record.time[-1] - 0.799), rel=0.01)
+    assert only_row(table(record, None))["slips_per_mm"] is only_row(table(record, None))["kinetic_travel_m"] is None
+
+
+def test_the_largest_acceleration_is_that_of_the_simulated_mass():
+    run = oracle.simulate(PAIR, 1e-3, 1.0, 4.0)
+    time, force = oracle.noisy_log(run, 4.0, 4000, 1e-3, seed=2)
+    row = only_row(table(Record(time, np.ones(time.size), force), 1e-3, HALF_PERIOD))
+    speed = np.gradient(time * 1e-3 - oracle.noisy_log(run, 4.0, 4000, 0.0, seed=2)[1] / 1470.0, time)
+    largest = np.quantile(np.abs(np.gradient(speed, time))[4000:], 0.995)
+    assert row["largest_acceleration_m_per_s2"] == pytest.approx(largest, rel=0.25)
 
 
 def test_replicates_have_a_mean_and_a_standard_deviation():
-    levels = np.array([0.58, 0.6, 0.61, 0.59, 0.62])
+    levels = np.random.default_rng(20).normal(0.6, 0.015, 20)
     logs = [
         inspection(f"{i}.csv", saw_tooth(high=high, seed=i), StatedRig(1000.0, 1e-3)) for i, high in enumerate(levels)
     ]
     mean, sd = replicates(logs)["static_peak_coefficient"]
     assert mean == pytest.approx(levels.mean(), abs=0.004) and sd == pytest.approx(levels.std(ddof=1), abs=0.003)
+    each = [seen.classical.rows[0] for seen in logs]
+    for name, (mean, sd) in replicates(logs).items():
+        figures = np.array([row[name] for row in each])
+        assert (mean, sd) == pytest.approx((np.mean(figures), np.std(figures, ddof=1)), rel=1e-12)
     other = inspection("slow.csv", saw_tooth(), StatedRig(1000.0, 2e-3))
     assert not replicates([*logs, other]) and not replicates(logs[:1])

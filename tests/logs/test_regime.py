@@ -12,6 +12,7 @@ from data_io import read_log
 from experiments.regime_records import KINDS, drawn
 from identify.cli import main as cli
 from identify.cli.logs import StatedRig, inspection
+from identify.logs.recorded_drive import drive_of, recorded_drive
 from identify.logs.regime import Known, Regime, classify, look
 
 CASES = Path(__file__).resolve().parents[1] / "cases"
@@ -137,3 +138,27 @@ def test_drawn_records_of_every_kind(kind: str) -> None:
     made = drawn(kind, 900)
     seen = inspection("a.csv", made.record, StatedRig(made.rig["stiffness"], None, made.rig["mass"])).regime
     assert seen.regime == made.regime, seen.evidence
+
+
+def largest_drawdown(force):
+    """Of means over powers of two, in standard deviations that their second differences show."""
+    worst, width = 0.0, 1
+    while force.size // width >= 30:
+        means = np.add.reduceat(force[: force.size // width * width], range(0, force.size // width * width, width))
+        sd = 1.4826 * np.median(np.abs(np.diff(means, 2))) / np.sqrt(6.0)
+        worst, width = max(worst, np.max(np.maximum.accumulate(means) - means) / sd), 2 * width
+    return worst
+
+
+@pytest.mark.parametrize("kind", sorted(KINDS))
+def test_no_drop_is_said_to_be_noise_that_is_more_and_counts_agree(kind):
+    for number in (1, 2, 3):
+        record = drawn(kind, number).record
+        seen = look(record, drive_of(record, recorded_drive(record)))
+        for stroke, verdict in zip(seen.strokes, seen.verdicts, strict=True):
+            text, slips = "; ".join(verdict.evidence), verdict.phases.count
+            if "no drop of the force" in text:
+                force = stroke.direction * record.friction_force[stroke.start : stroke.stop]
+                assert largest_drawdown(force) < 12.0
+            if verdict.regime is not None:
+                assert verdict.regime.slips == (slips > 0) or "then it slides" in text
