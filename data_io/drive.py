@@ -108,7 +108,8 @@ def evened(speeds: list[float]) -> list[float]:
 def _width(motion: Motion, rows: int) -> int:
     """Over how many of so many rows the motion is averaged: long means lose short holds, short ones noise."""
     wanted = (_CORNER * motion.noise[0] / (_STRAIGHT * float(np.ptp(motion.position)))) ** 2
-    return max(int(np.clip(wanted, *(rows // points for points in reversed(_POINTS)))), 1)
+    coarse, fine = (rows // points for points in _POINTS)
+    return max(int(np.clip(wanted, fine, coarse)), 1)
 
 
 def _corners(motion: Motion, start: int, stop: int) -> list[int]:

@@ -77,7 +77,9 @@ def drive_changes(record: Record, seen: LogRegime) -> tuple[DriveChange, ...]:
     for before, after, change in _between(record.time, seen.strokes):
         earlier, later = (None if i is None else _Stretch.of(record, *pairs[i]) for i in (before, after))
         assert later is not None
-        change = replace(change, before_coefficient=earlier and earlier.level, after_coefficient=later.level)
+        change = replace(
+            change, before_coefficient=None if earlier is None else earlier.level, after_coefficient=later.level
+        )
         if change.hold_s:
             change = replace(change, peak_coefficient=later.peak)
         elif earlier is not None and earlier.slides and later.slides:
