@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from identify.base.linear import Factors, optimality_matrix
 from identify.logs.log_data import LogData
+from identify.logs.unknowns import AT_BOUND
 from identify.shooting.layout import Layout, transcribe
 from identify.shooting.passes import Solved
 from identify.shooting.shooting import Problem, samples_of
@@ -29,7 +30,6 @@ Change = Callable[[LogData, Array, float, float], LogData]
 """A log, with the curve fitted to it (n,) [N], as it is with a held quantity moved from one value to another."""
 
 LEFT = 1e-6  # of the information on a column that must be left with the unknowns projected out
-AT_BOUND = 1e-6  # of the size of an unknown: that near its bound it is held there
 ALIKE = 0.98  # correlation of projected columns from which on the data do not tell two quantities apart
 
 

@@ -1,10 +1,9 @@
 """The regime of a record, of each of its strokes and of all of it: stick-slip, an oscillation of the mass, or sliding.
 
-One test discriminates. In a stick the force rises at stiffness times drive speed: rises of one slope, straight, by what
-a slip falls, whatever the drop before them; and a slip is faster than that. Noise with a memory rises at any slope; a
-turning disc swings as slowly down as up, and far more slowly than a stick loads where stiffness and speed are known.
-Where they are not, a swing as slow and small as a disc makes it counts as one, with as much confidence as its period
-and its size give.
+One test discriminates. In a stick the force rises at stiffness times drive speed: straight rises of one slope, whatever
+the drop before them; and a slip is faster than that. Noise with a memory rises at any slope; a turning disc swings as
+slowly down as up, and far more slowly than a stick loads where stiffness and speed are known. Where they are not, a
+swing as slow and small as a disc makes it counts as one, with as much confidence as its period and its size give.
 """
 
 from __future__ import annotations
@@ -28,8 +27,6 @@ Array = NDArray[np.float64]
 
 STRAIGHT = 0.8  # share of the usual rise that a line of the one slope explains
 UNLIKE = 0.2  # scatter of the slopes of rises over their median, from which on no sticks make them (measured: 0.08)
-COVERS = (0.5, 2.0)  # times a fall, that a rise makes up
-NO_FASTER, NO_SINE = 1.25, 0.9  # times as fast as a rise, a fall is no slip where the cycle is no sine either
 AS_LONG, SAWTOOTH = 2.0, 4.0  # longer than this times a fall, a rise is a stick's: log odds per logarithm beyond
 OFF, LOADING = 5.0, 3.0  # times off k v_0, up or down, at which rises hardly are sticks: log odds per logarithm
 MISSTATED = -5.0  # log odds at least: stiffness, speed or a unit may be stated wrongly by any factor
@@ -167,8 +164,7 @@ class _Shape:
     """Of the rises and falls of a force: their number; straight: share of the usual rise that a line of the one slope
     explains, NaN where they have too few samples; unlike: scatter of their slopes beyond noise, over the one slope;
     asymmetry: duration of a rise over that of a fall; sine: share of the first harmonic; rate: the one slope [N/s];
-    covers: what a rise at it makes up of a fall; frequency [Hz]; share of the level that the fall is; drift: largest
-    drop of what has no cycle [N], 0 within its noise."""
+    frequency [Hz]; share of the level that the fall is; drift: largest drop without a cycle [N], 0 within noise."""
 
     rises: int = 0
     straight: float = np.nan
@@ -176,7 +172,6 @@ class _Shape:
     asymmetry: float = np.nan
     sine: float = np.nan
     rate: float = np.nan
-    covers: float = np.nan
     frequency: float = np.nan
     share: float = np.nan
     drift: float = 0.0
@@ -232,7 +227,6 @@ class _Shape:
             asymmetry=asymmetry,
             sine=sine,
             rate=rate,
-            covers=rate * float(np.median(rise)) / swing,
             frequency=1.0 / period,
             share=share,
         )
@@ -254,11 +248,9 @@ def _discriminate(shape: _Shape, phases: Segmentation, known: Known) -> tuple[bo
     if np.isfinite(loads):
         ratio = "less than 0.01" if loads < 0.01 else f"{loads:.3g}" if loads < 100.0 else "over 100"
         evidence.append(f"their slope is {ratio} of stiffness times drive speed")
-    unlike = shape.unlike > UNLIKE or (shape.asymmetry < NO_FASTER and shape.sine < NO_SINE)
-    bent = not shape.one_sine and (shape.straight < STRAIGHT or unlike)
-    if shape.rises and (bent or not COVERS[0] <= shape.covers <= COVERS[1]):
+    if shape.rises and not shape.one_sine and (shape.straight < STRAIGHT or shape.unlike > UNLIKE):
         sure = _probability(10.0 * (STRAIGHT - shape.straight)) if shape.straight < STRAIGHT else 0.9
-        return False, sure, (*evidence, "sticks would rise alike and straight, by as much as a slip drops, and slower")
+        return False, sure, (*evidence, "sticks would rise straight, at one slope")
     odds = 2.0 * float(np.log(max(shape.share, 1e-9) / SMALL))
     if shape.asymmetry > 1.0:
         evidence.append(f"a drop is {shape.asymmetry:.2g} times as fast as a rise")
