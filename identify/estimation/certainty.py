@@ -225,26 +225,18 @@ def _profiled(here: Certainty, q: Question) -> list[int]:
 
 
 def _without_late(here: Certainty, q: Question) -> list[Estimate]:
-    """The estimates, without intervals where a profile was due and the time did not suffice for it. The covariance of
-    what it identifies stays: so far a profile agrees with it, and beyond, it bends away; where some parameter is poorly
-    determined the others follow that on a bent path, and only that of what is known sharply does."""
+    """The estimates, without intervals where a profile was due and the time did not suffice for it: also what the
+    covariance seems to determine sharply follows a bent path, or belongs to another optimum that was not looked for."""
     names, done = q.unknowns.names, set() if here.profiles is None else set(here.profiles.ends)
     late = {names[i] for i in _profiled(here, q)} - done
-    known = sizes(q.unknowns, q.unknowns.values(here.attempt.solved.theta, q.base))
-    known = (CURVED if _poorly_determined(here, q) else POORLY) * known
     reason = (
         "the time limit left no time for its profile, and the curvature at the answer does not determine its interval"
     )
-
-    def stays(e: Estimate, i: int) -> bool:
-        sharp = e.verdict == "identified" and e.standard_error is not None and e.standard_error < known[i]
-        return names[i] not in late or e.verdict in ("fixed", "at bound") or sharp
-
     return [
         e
-        if stays(e, i)
+        if name not in late or e.verdict in ("fixed", "at bound")
         else replace(e, standard_error=None, lower=None, upper=None, verdict="not profiled", reason=reason)
-        for i, e in enumerate(here.estimates)
+        for name, e in zip(names, here.estimates, strict=True)
     ]
 
 
