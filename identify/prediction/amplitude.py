@@ -7,7 +7,7 @@ All of it needs a V_max << 1; the answer for a scene comes from the nonlinear mo
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -135,9 +135,6 @@ def _ends(alpha: Array, overshoot: Array, first: Array) -> tuple[Long, Long, Lon
     # Not negative: at the fold itself rounding may leave a trace below zero.
     stop = np.maximum(np.exp(-a * tau) * (-phi * np.cos(eps) + (1 - a * phi) * np.sin(eps) / w), 0.0)
     return np.asarray(eps, np.longdouble), tau, stop
-
-
-COLUMNS = tuple(f.name for f in fields(Slip))[1:]  # the numbers of a slip
 
 
 def slip(alpha: ArrayLike, overshoot: ArrayLike) -> Slip:

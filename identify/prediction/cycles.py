@@ -97,11 +97,6 @@ def check_calculable(model: Model) -> None:
 # Where cycles may begin, and how long a slip may last.
 
 
-def rested(model: Model) -> Array:
-    """Rest state (n_y,) with the spring unloaded and every state saturated."""
-    return np.array([0.0, *(s.start if s.upper is None else s.upper for s in model.states[2:])])
-
-
 def bounds_at_rest(model: Model) -> Array:
     """Lowest and highest value of each state at rest, shape (2, n_y)."""
     ends = [(-np.inf if s.lower is None else s.lower, np.inf if s.upper is None else s.upper) for s in model.states]
@@ -272,7 +267,8 @@ class CycleBatch:
 
     def rested(self) -> Array:
         """Rest states (n, n_y) with the spring unloaded and every state saturated: the strongest first kick."""
-        return np.tile(rested(self.model), (len(self.settings), 1))
+        saturated = [s.start if s.upper is None else s.upper for s in self.model.states[2:]]
+        return np.tile([0.0, *saturated], (len(self.settings), 1))
 
     def renewed(self) -> Array:
         """Rest states (n, n_y) of contacts that are almost renewed, the spring about to break them loose; rested ones

@@ -196,7 +196,10 @@ def test_the_command(study, tmp_path, capsys):
     files = {"report.html", "comparison.json", "comparison.xlsx", "comparison.tex", "tables"}
     assert {p.name for p in out.iterdir()} == files
     check_replaceable(out, COMPARISON)  # a comparison of ours is replaced
-    link = re.search(r'href="([^"]*M1_V1_0/report.html)"', (out / "report.html").read_text(encoding="utf-8"))
+    page = (out / "report.html").read_text(encoding="utf-8")
+    parts = re.findall(r'href="#([^"]+)"', page)
+    assert len(parts) >= 4 and all(f'id="{part}"' in page for part in parts), "its contents lead to its parts"
+    link = re.search(r'href="([^"]*M1_V1_0/report.html)"', page)
     assert link and (out / link[1]).resolve() == (study[0] / "M1_V1_0" / "report.html").resolve()
 
 
