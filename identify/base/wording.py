@@ -195,6 +195,13 @@ def quantity(value: float | None, unit: str, digits: int = 4) -> str:
     return f"{number(value / scale.factor, digits)}\N{NO-BREAK SPACE}{scale.unit}".removesuffix("\N{NO-BREAK SPACE}")
 
 
+def range_text(low: float | None, high: float | None, unit: str, digits: int = 3) -> str:
+    """ "0.58 to 0.78 s": two SI values in the unit that suits the larger, a dash for None."""
+    scale = scale_for(max((abs(end) for end in (low, high) if end is not None), default=None), unit)
+    ends = (DASH if v is None else number(float(f"{v / scale.factor:.{digits}g}"), digits) for v in (low, high))
+    return f"{' to '.join(ends)} {scale.unit}".rstrip()
+
+
 def split_key(key: str) -> tuple[str, str]:
     """Name and SI unit by a key of the document: "onset_force_N" -> ("onset force", "N")."""
     for ending, unit in KEY_UNITS:

@@ -14,7 +14,7 @@ from data_io.spelling import nearest
 from identify.base.document import Json, to_dict
 from identify.base.errors import SceneError
 from identify.base.result import LogResult, Result
-from identify.base.wording import wrapped
+from identify.base.wording import range_text, wrapped
 from identify.cli.arguments import file_to_write, pairs, picture
 from identify.cli.common import Answer, CommandLineError, Terminal
 from identify.diagnosis.effect_choice import choose_from_numbers
@@ -296,7 +296,7 @@ def _chart_document(drawn: maps.Chart) -> dict[str, Json]:
     """Two quantities: shares of the map by outcome, and where it was computed."""
     plane = drawn.plane
     axes = {"x": (plane.x, plane.x_values), "y": (plane.y, plane.y_values)}
-    spans = [f"{q.label} from {shown(float(v[0]), q.unit)} to {shown(float(v[-1]), q.unit)}" for q, v in axes.values()]
+    spans = [f"{q.label} from {range_text(float(v[0]), float(v[-1]), q.unit)}" for q, v in axes.values()]
     shares = ", ".join(f"{100 * share:.0f} % {OUTCOMES.get(word, word)}" for word, share in drawn.shares.items())
     return {
         **{key: {"name": q.name, "unit": q.unit, "values": v.tolist()} for key, (q, v) in axes.items()},

@@ -15,6 +15,7 @@ from data_io.atomic import atomic_write
 from data_io.spelling import spelled
 from identify.base.errors import SimulationError
 from identify.base.result import Number
+from identify.base.wording import range_text
 from identify.model.model import Model
 from identify.prediction.axes import Axis, Site, admissible, axis, check_axes, known_axes, moved
 from identify.prediction.cycles import QUANTITIES, CycleBatch, check_calculable
@@ -436,7 +437,7 @@ def _change(site: Site, q: Axis, tested: Tested | None, margin: float) -> Change
     limit, advised, at, kind, reason = None, None, None, "", ""
     other = powers[steady != now_steady]
     if not other.size:
-        kind = f"from {shown(low, unit)} to {shown(high, unit)}"
+        kind = f"from {range_text(low, high, unit)}"
         reason = f"{'any value is steady' if now_steady else 'cannot be reached: none is steady'} {kind}"
     else:
         far = other[np.argmin(np.abs(other) - 0.25 * (other > 0))]  # of two as near the one above

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from identify.base.document import FURTHER
 from identify.base.errors import SimulationError
 from identify.base.result import Number
+from identify.base.wording import range_text
 from identify.model.model import Model
 from identify.prediction.axes import Site
 from identify.prediction.closed_forms import CYCLE, MEANING, beyond, closed_forms, judged
@@ -339,11 +340,11 @@ def _prediction(
 
     steady, windows, figures = answer.steady, answer.windows, answer.figures
     between = tuple(StickSlipRange(limit(part, False), limit(part, True)) for part in windows.sticking)
-    slowest, fastest = (shown(end, "m/s") for end in windows.searched)
+    fastest = shown(windows.searched[1], "m/s")
     if between:
         no_end = f"stick-slip still exists at {fastest}, the highest speed tried"
     else:
-        no_end = f"no stick-slip was found at any drive speed from {slowest} to {fastest}"
+        no_end = f"no stick-slip was found at any drive speed from {range_text(*windows.searched, 'm/s')}"
     growth = number(steady.growth, "1/s", MODEL)
     if drawn is not None:
         natural = float(np.sqrt(site.values["stiffness"] / site.values["mass"]))

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from identify.base.result import Number
-from identify.base.wording import decimals, interval_text, number, places_of_positive, scale_for
+from identify.base.wording import decimals, interval_text, number, places_of_positive, range_text, scale_for
 
 if TYPE_CHECKING:
     from identify.prediction.predict import PointPrediction
@@ -83,13 +83,14 @@ def stability_text(prediction: PointPrediction) -> str:
         else:
             lines.append(f"Stick-slip exists from {with_interval(part.low)} to {with_interval(part.high)}.")
     ends = [limit for part in answer.stick_slip_between for limit in (part.low, part.high) if limit]
-    windows = [(WINDOWS[w.outcome], shown(w.low, "m/s"), shown(w.high, "m/s")) for w in answer.windows]
-    if len(windows) == 1:
-        lines.append(f"At every drive speed searched: {windows[0][0].rstrip(',')}.")
+    if len(answer.windows) == 1:
+        lines.append(f"At every drive speed searched: {WINDOWS[answer.windows[0].outcome].rstrip(',')}.")
     else:
-        (first, _, low), *between, (last, high, _) = windows
-        middle = [f"{what} from {start} to {end}" for what, start, end in between]
-        lines.append(f"By drive speed: {'; '.join([f'{first} up to {low}', *middle, f'{last} above {high}'])}.")
+        first, *between, last = answer.windows
+        middle = [f"{WINDOWS[w.outcome]} from {range_text(w.low, w.high, 'm/s')}" for w in between]
+        slow, fast = f"up to {shown(first.high, 'm/s')}", f"above {shown(last.low, 'm/s')}"
+        parts = [f"{WINDOWS[first.outcome]} {slow}", *middle, f"{WINDOWS[last.outcome]} {fast}"]
+        lines.append(f"By drive speed: {'; '.join(parts)}.")
     return " ".join(lines) + _why_open(ends)
 
 
@@ -117,7 +118,7 @@ def ranges_text(prediction: PointPrediction, part: str) -> str:
 
     def ranged(entry: Number) -> str:
         low, high = entry.ends
-        return "not known" if low is None or high is None else f"{shown(low, entry.unit)} to {shown(high, entry.unit)}"
+        return "not known" if low is None or high is None else range_text(low, high, entry.unit)
 
     if part == "stability":
         end = prediction.stability.critical_speed

@@ -158,8 +158,8 @@ def draw_force(curves: LogCurves, position: int, accepted: bool, columns: int = 
     fitted, onsets = bool(np.isfinite(curves.fitted_force).any()), curves.cycles[:, 0]
     near = _close_up(curves.time, onsets)
     spans = [near] if near == slice(None) or columns == 1 else [slice(None), near]
-    heights = [3.0, 1.15, 0.75] if fitted else [3.0, 0.75]
-    width, height = style.WIDTHS[columns], 0.62 + 0.52 * sum(heights)
+    heights = [2.9, 1.25, 0.9] if fitted else [2.9, 0.9]
+    width, height = style.WIDTHS[columns], 0.6 + 0.465 * sum(heights)
     figure = NotebookFigure(figsize=(width, height))
     edges = {"left": 0.58 / width, "right": 1 - 0.1 / width, "bottom": 0.38 / height}
     edges["top"] = 1 - (0.24 if len(spans) > 1 else 0.08) / height
@@ -276,7 +276,7 @@ def draw_preview(preview: Preview) -> Figure:
             time = log.time[part]
             _line(axes, time, measured[part], style.BEHIND, 0.9, "measured")
             _line(axes, time, log.trajectory[part], style.FITTED, 0.9, "start trajectory")
-            padded(axes, measured[part], 0.15)
+            padded(axes, measured[part], 0.15, above=0.15)
             for name, moments, colour in (("onset", log.onset, style.ONSET), ("arrest", log.arrest, style.ARREST)):
                 inside = moments[(moments >= time[0]) & (moments <= time[-1])]
                 foot = np.full(inside.size, axes.get_ylim()[0])
@@ -362,7 +362,7 @@ def draw_uneven(cycles: schema.UnevenCycles, curve: schema.StrengthCurve | None,
     if curve is not None:
         against.fill_between(curve.rest_s, curve.lower, curve.upper, color=style.SHADE, linewidth=0)
         against.plot(curve.rest_s, curve.strength, color=style.FITTED, label="usual strength")
-        against.legend(loc="upper right")
+        against.legend(loc="lower left")
     against.plot(column["rest_s"], column["strength"], "o", color=style.ONSET, markersize=3.2)
     against.margins(y=0.12)
     against.set_ylim(bottom=0.0)
@@ -457,6 +457,7 @@ def draw_profiles(
         axes, entry = figure.add_subplot(rows, panels, place + 1), parameters.get(name) or ParameterResult(None)
         unit = profile_curve(axes, curve, entry, profile.limit)
         axes.set_title(f"{plain_symbol(with_group(name, entry.group))}{unit}")
+        axes.xaxis.set_major_locator(MaxNLocator(columns + 1))
         if place % panels == 0:
             axes.set_ylabel("loss of the data")
         tables[f"profile_{name}"] = {"value": np.array(curve.values, float), "loss": np.array(curve.loss, float)}

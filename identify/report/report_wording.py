@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Mapping
 
 from identify.base.result import AccuracyResult, DistributionResult, Result, Status, ToleranceResult, UnevenResult
-from identify.base.wording import number, quantity
+from identify.base.wording import number, quantity, range_text
 from identify.effects import ALL
 from identify.estimation.covariance import TOLERANCE_WORDS
 
@@ -138,14 +138,12 @@ def distribution_lines(result: Result) -> Iterator[tuple[str, str, str]]:
     for name, entry in UnevenResult.of(result).distributions.items():
         if name in LABELS:
             middle = entry.quantiles["50"]
-            low, high = (quantity(end, entry.unit, 3) for end in middle.interval)
-            value = f"{quantity(middle.value, entry.unit, 3)} ({low} to {high})"
+            value = f"{quantity(middle.value, entry.unit, 3)} ({range_text(*middle.interval, entry.unit)})"
             yield LABELS[name], value, f"{_range(entry, entry.unit)}{BASES[name]}"
 
 
 def _range(entry: DistributionResult, unit: str) -> str:
-    low, high = (quantity(entry.quantiles[q].value, unit, 2) for q in ("5", "95"))
-    return f"{low} to {high}"
+    return range_text(entry.quantiles["5"].value, entry.quantiles["95"].value, unit, 2)
 
 
 def accuracy_text(accuracy: AccuracyResult | None) -> str:

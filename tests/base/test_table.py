@@ -11,6 +11,7 @@ import openpyxl
 import pytest
 
 from identify.base.table import LINE, Cell, OutputTable, harmless, visible, workbook
+from identify.base.wording import range_text
 
 HOSTILE = ("<script>alert(1)</script>", "=1+1", "a\nb", "50 % & $x_1$ #~^\\{}", "x" * 5000, "abc\u202etxt")
 TABLE = OutputTable(
@@ -87,3 +88,13 @@ def test_texts_are_one_line_that_no_spreadsheet_reads_as_a_formula():
     assert harmless(-0.5) == -0.5 and harmless(math.nan) is None and harmless(True) == "yes"
     assert visible("a\nb\u202ec") == "a b\N{REPLACEMENT CHARACTER}c"
     assert visible("y" * 10_000) == "y" * 80 + "… (10000 characters)" and len(str(harmless("y" * 10_000))) < LINE + 30
+
+
+def test_a_range_has_its_unit_once():
+    ranges = [
+        range_text(0.023, 0.0428, "m/s"),
+        range_text(0.0035, 35.0, "kg"),
+        range_text(None, 1.0, "N"),
+        range_text(0.52, 0.65, ""),
+    ]
+    assert ranges == ["23 to 42.8 mm/s", "0.0035 to 35 kg", "– to 1 N", "0.52 to 0.65"]

@@ -7,10 +7,12 @@ const BEFORE = "before.toml"; // a scene of no log: what a first plan starts fro
 const EFFECTS = ["inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening", "varying_normal_force"];
 
 const RIG = { mass: ["moving mass", "kg"], stiffness: ["stiffness", "N/m"], zeta: ["damping ratio", ""], skin_stiffness: ["stiffness on skin", "N/m"] };
+/** A range with its unit once, where both ends have the same. */
+const within = (ends, unit) => { const [low, high] = ends.map((end) => quantity(end, unit, 3)), tail = high.match(/\s\D+$/)?.[0] ?? ""; return `${tail && low.endsWith(tail) ? low.slice(0, -tail.length) : low} to ${high}`; };
 const share = (half) => half === null || half === undefined ? "open" : `± ${plain(100 * half, 2)} %`;
 /** What was measured of a rig; what the logs of a plan identify, now and then, and which logs those are. */
 const TABLES = {
-  rig: (found) => [table(["", { number: "value" }, "95 % interval"], Object.entries(RIG).filter(([name]) => found[name]).map(([name, [words, unit]]) => [words, { number: quantity(found[name].value, unit, 3) }, found[name].interval.map((end) => quantity(end, unit, 3)).join(" to ")]))],
+  rig: (found) => [table(["", { number: "value" }, "95 % interval"], Object.entries(RIG).filter(([name]) => found[name]).map(([name, [words, unit]]) => [words, { number: quantity(found[name].value, unit, 3) }, within(found[name].interval, unit)]))],
   plan: ({ logs, now, then, verdicts }) => [
     logs.length ? table([...["drive speed", "normal force", "stiffness", "duration", "rate", "slips"].map((number) => ({ number })), ""], logs.map((log) => [
       ...[quantity(log.drive, "m/s", 3), quantity(log.normal_force, "N", 3), quantity(log.stiffness, "N/m", 3), duration(log.duration), quantity(log.sampling_rate, "Hz", 3), plain(log.slips, 3)].map((number) => ({ number })), log.repeats ? "a repeat with another specimen" : ""]), { class: "cards" }) : null,
