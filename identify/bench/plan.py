@@ -39,12 +39,14 @@ BEYOND = 30.0  # times the fastest drive speed, and below the slowest
 DIALS = tuple(float(f"{dial}e{decade}") for decade in range(-8, 1) for dial in (1, 3))  # drive speeds to set [m/s]
 REPEATED_SLIPS = 10  # of a log that repeats a speed
 FARTHEST = math.log(3.0)  # of a logarithm: how far draws go
+HOLDS = (0.3, 1.0, 3.0)  # of the creep time, that a drive is to stand between slips
 
 
 @dataclass(frozen=True)
 class Choices:
     """What can be set at the rig, empty for the default: speeds [m/s], loads [N], stiffnesses of springs [N/m], fastest
-    sampling rate [Hz]; targets: names of what is to be identified; budget for all logs [s]."""
+    sampling rate [Hz]; targets: names of what is to be identified; budget for all logs [s]; holds: whether the drive
+    can stand within a log."""
 
     speeds: tuple[float, ...] = ()
     loads: tuple[float, ...] = ()
@@ -52,27 +54,43 @@ class Choices:
     fastest: float = math.inf
     targets: tuple[str, ...] = ()
     budget: float = BUDGET
+    holds: bool = True
+
+
+@dataclass(frozen=True)
+class HoldSeries:
+    """A slide-hold-slide log: how long the drive stands [s], each once, and the half lengths (d, k) with it."""
+
+    seconds: tuple[float, ...]
+    halves: Array
+
+    @property
+    def words(self) -> str:
+        """What to do."""
+        times = ", ".join(f"{seconds:g}" for seconds in self.seconds)
+        return f"slide-hold-slide: let the drive stand for {times} s in one of these logs, each time in a stick"
 
 
 @dataclass(frozen=True)
 class RecordingPlan:
     """What is known before, with the half lengths (d, k) of the 95 % intervals at each place, relative; the logs to
-    record, in order; where the values of the parameters come from."""
+    record, in order; where the values of the parameters come from; holds: of the drive, where they tell t_cr."""
 
     knowledge: Knowledge
     now: Array
     logs: tuple[PlannedLog, ...]
     origins: Origins
+    holds: HoldSeries | None = None
 
     @property
     def then(self) -> Array:
-        """Half lengths (d, k) with all logs."""
-        return self.logs[-1].halves if self.logs else self.now
+        """Half lengths (d, k) with all logs and holds."""
+        return self.holds.halves if self.holds is not None else self.logs[-1].halves if self.logs else self.now
 
     @property
     def seconds(self) -> float:
-        """That all logs take, setting each up included."""
-        return sum(log.duration + SETUP for log in self.logs)
+        """That all logs take, setting each up and holds included."""
+        return sum(log.duration + SETUP for log in self.logs) + sum(self.holds.seconds if self.holds else ())
 
 
 def plan(scene: Scene, logs: Sequence[Prepared], choices: Choices, result: Result | None = None) -> RecordingPlan:
@@ -120,7 +138,34 @@ def plan(scene: Scene, logs: Sequence[Prepared], choices: Choices, result: Resul
     guessed = tuple(n for n in assumed(scene, values, pair.values) if n in values)
     measured = tuple(n for n in values if n in pair.names)
     origins = Origins(measured, tuple(n for n in values if n not in (*guessed, *measured)), guessed)
-    return RecordingPlan(knowledge, knowledge.halves(knowledge.precision), tuple(chosen), origins)
+    left = choices.budget - sum(log.duration + SETUP for log in chosen) if choices.holds else 0.0
+    holds = hold_series(knowledge, {log.design: log.slips for log in chosen}, load, left)
+    return RecordingPlan(knowledge, knowledge.halves(knowledge.precision), tuple(chosen), origins, holds)
+
+
+def hold_series(knowledge: Knowledge, logs: Mapping[LogDesign, int], load: float, budget: float) -> HoldSeries | None:
+    """Holds about the creep time, by the static peak after each (eqs. 3 and 5); None where t_cr is no target, known
+    well enough with the logs, not told by holds, or they take longer than the budget [s]."""
+    names, index, precision = knowledge.names, knowledge.index, knowledge.with_logs(logs)
+    before = promised(knowledge.halves(precision))
+    if "t_cr" not in [names[i] for i in knowledge.targeted] or before[own := names.index("t_cr")] <= IDENTIFIED:
+        return None
+    unknowns, information = knowledge.unknowns, np.zeros_like(precision)
+    all_values = [unknowns.values(theta, knowledge.base) for theta in knowledge.places]
+    places = [dict(zip(unknowns.names, values.tolist(), strict=True)) for values in all_values]
+    creep = float(np.exp(np.median(np.log([p["t_cr"] for p in places]))))
+    seconds = tuple(float(f"{share * creep:.1g}") for share in HOLDS)
+    for total, values, p in zip(information, all_values, places, strict=True):
+        variance = knowledge.noise**2 + (knowledge.load_error * load * p["mu_s"]) ** 2
+        for hold in seconds:
+            fresh = math.exp(-hold / p["t_cr"])
+            moves = {"mu_s": 1.0 - fresh, "mu_k0": fresh}
+            moves["t_cr"] = -(p["mu_s"] - p["mu_k0"]) * fresh * hold / p["t_cr"] ** 2
+            slopes = load * np.array([moves.get(name, 0.0) for name in names])
+            slopes *= np.where(unknowns.logarithmic, values, 1.0)[index]
+            total += np.outer(slopes, slopes) / variance
+    halves = knowledge.halves(precision + information)
+    return HoldSeries(seconds, halves) if sum(seconds) <= budget and promised(halves)[own] < 0.8 * before[own] else None
 
 
 def _knowledge(
@@ -273,13 +318,16 @@ def plan_text(plan: RecordingPlan, source: str = "") -> str:
         summary = "nothing to add: every target is identified already"
     else:
         summary = "no log among those that were tried, and within the budget, is expected to identify more; see below"
-    rows = [["", "now", *(f"with {number}" for number in range(1, len(plan.logs) + 1)), "the fit will call it"]]
+    every = [plan.now, *(log.halves for log in plan.logs), *([plan.holds.halves] if plan.holds else [])]
+    heads = [f"with {number}" for number in range(1, len(plan.logs) + 1)] + ["with holds"] * (plan.holds is not None)
+    rows = [["", "now", *heads, "the fit will call it"]]
     for i, name in enumerate(known.names):
-        cells = [shown_half(halves[:, i]) for halves in (plan.now, *(log.halves for log in plan.logs))]
+        cells = [shown_half(halves[:, i]) for halves in every]
         rows.append([name, *cells, verdict(float(then[i]))])
     lines = [wrapped(" ".join(filter(None, (source, plan.origins.text))), "", ""), wrapped(summary)]
     lines += [wrapped(f"{number}. {described(log)}", "  ") for number, log in enumerate(plan.logs, 1)]
     lines += [wrapped(REPEAT)] if any(log.repeats for log in plan.logs) else []
+    lines += [wrapped(plan.holds.words, "  ")] if plan.holds is not None else []
     lines += ["", columns(rows), wrapped(WITH_TOLERANCES if known.systematic.all() else NOISE_ALONE)]
     if any("to" in cell for row in rows[1:] for cell in row[1:-1]):
         lines.append(wrapped("ranges are over the values that the parameters may have"))
@@ -316,6 +364,13 @@ def plan_document(plan: RecordingPlan) -> dict[str, Any]:
         "ranges": {k: by_name(h.min(axis=0), h.max(axis=0)) for k, h in (("now", plan.now), ("then", plan.then))},
         "verdicts": {n: verdict(float(h)) for n, h in zip(names, then, strict=True)},
         "seconds": plan.seconds,
+        "holds": None
+        if plan.holds is None
+        else {
+            "words": plan.holds.words,
+            "seconds": list(plan.holds.seconds),
+            "expected": by_name(promised(plan.holds.halves)),
+        },
         "logs": [
             {
                 "words": described(log),

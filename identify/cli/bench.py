@@ -129,6 +129,7 @@ def plan(arguments: Namespace, terminal: Terminal) -> Answer:
         fastest=positive(arguments.fastest, "Hz", "--fastest") or float("inf"),
         targets=listed(getattr(arguments, "for")),
         budget=positive(arguments.budget, "s", "--budget") or BUDGET,
+        holds=not arguments.no_holds,
     )
     source, existing = "", None
     if arguments.source.lower().endswith(".json"):

@@ -145,6 +145,7 @@ OPTIONS: Mapping[str, Options] = {  # as `add_options` takes them
             "--load FORCES": '"1 N,2 N" (default: that of the scene)',
             "--stiffness SPRINGS": '"500 N/m,1.5 N/mm" (default: that of the scene)',
             "--fastest HZ": 'highest sampling rate there is, "100 Hz" (default: any)',
+            "--no-holds": "the drive cannot stand within a log: propose no slide-hold-slide",
         },
     },
     "batch": {

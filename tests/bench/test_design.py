@@ -201,6 +201,24 @@ def test_what_is_assumed_is_named_and_the_answer_is_a_range(tmp_path, ask, capsy
         assert words in capsys.readouterr().err
 
 
+def test_holds_are_proposed_where_sticks_are_too_short_for_the_creep_time(tmp_path, ask):
+    fixed = "".join(f"{n} = {{ fixed = {v} }}\n" for n, v in DEMO.items() if n not in ("mu_s", "t_cr"))
+    starts = "mu_s = {{ start = 0.62 }}\nt_cr = {{ start = {} }}\n"
+    (tmp_path / "pair.toml").write_text(SCENE + fixed + starts.format(20))
+    options = ("--set", "rig.noise=0.02", "--budget", "4 min")
+    told, without = ask("pair.toml", *options), ask("pair.toml", *options, "--no-holds")
+    assert without["holds"] is None and without["then"]["t_cr"] is None, "sticks of a third of a second leave it open"
+    assert told["holds"]["seconds"] == [6.0, 20.0, 60.0] and told["verdicts"]["t_cr"] in ("weak", "identified")
+    seconds = np.array(told["holds"]["seconds"])
+    fresh = np.exp(-seconds / 20.0)  # static coefficient after a hold: by mu_s, and by the logarithm of t_cr
+    slopes = np.stack([1.0 - fresh, -(0.62 - DEMO["mu_k0"]) * fresh * seconds / 20.0])
+    by_numpy = np.linalg.inv(slopes @ slopes.T / (0.02**2 + (1e-3 * 0.62) ** 2))
+    low, high = told["ranges"]["then"]["t_cr"]
+    assert low <= np.expm1(1.96 * np.sqrt(by_numpy[1, 1])) * 1.05 and high < 2.0
+    (tmp_path / "short.toml").write_text(SCENE + fixed + starts.format(0.5))
+    assert ask("short.toml")["holds"] is None, "sticks show it"
+
+
 @pytest.mark.parametrize("open_", [False, True])
 def test_a_fit_is_planned_from_its_estimates_at_the_load_of_its_logs(tmp_path, ask, open_):
     """What is not identifiable has no standard error: it is as open as before, and the plan is for just that."""
