@@ -1,12 +1,16 @@
 """`stability`, `amplitude` and effects on the command line: asked about, left out, refused in one sentence."""
 
 import json
+import re
+import shlex
 from pathlib import Path
 
 import pytest
 
 from identify.effects import MAIN
+from identify.report.stored_result import as_json
 from tests.support.command import refused, stickslip
+from tests.support.fake_fit import fit_of_a_scene
 
 RIG = """
 [rig]
@@ -73,3 +77,16 @@ def test_a_result_beside_the_scene_is_offered_and_stated_values_are_no_guess(fol
     assert point["groups"]["omega_n"]["value"] == pytest.approx((2000 / 0.2) ** 0.5)
     assert document["assumed"] == [] and document["existing_result"].endswith("stickslip-new-pair/result.json")
     assert "--result" in words and "assumed" not in words
+
+
+def test_the_commands_of_the_page_from_the_bench_to_the_part_run(folder, capsys):
+    page = (Path(__file__).resolve().parents[2] / "docs" / "part.md").read_text(encoding="utf-8")
+    (folder / "stickslip-pair").mkdir()
+    (folder / "stickslip-pair" / "result.json").write_text(as_json(fit_of_a_scene().result), encoding="utf-8")
+    commands = re.findall(r"```sh\n(.*?)```", page, re.DOTALL)[0].splitlines()
+    assert len(commands) == 2
+    for command in commands:
+        code, out, _ = stickslip(capsys, *shlex.split(command)[1:])
+        words = " ".join(out.split())
+        assert code == 0 and "Extrapolated: the logs did not test" in words and "800 N/m" in words
+        assert "95 %" in words
