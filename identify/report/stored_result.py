@@ -70,7 +70,7 @@ def read_document(path: Path) -> dict[str, Json]:
             f"{path}: its schema is {document['schema']!r}; expected 1; read it with the version that wrote it"
         )
     if not _is_result(document):
-        raise FitError(f"{path}: this is no result of a fit; give a result.json that stickslip fit wrote")
+        raise FitError(f"{path}: this is no result of a fit of this version; fit again, or give another result.json")
     return dict(document)
 
 

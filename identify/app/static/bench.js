@@ -16,13 +16,13 @@ const TABLES = {
   plan: ({ logs, now, then, verdicts }) => [
     logs.length ? table([...["drive speed", "normal force", "stiffness", "duration", "rate", "slips"].map((number) => ({ number })), ""], logs.map((log) => [
       ...[quantity(log.drive, "m/s", 3), quantity(log.normal_force, "N", 3), quantity(log.stiffness, "N/m", 3), duration(log.duration), quantity(log.sampling_rate, "Hz", 3), plain(log.slips, 3)].map((number) => ({ number })), log.repeats ? "a repeat with another specimen" : ""]), { class: "cards" }) : null,
-    table(["parameter", { number: "now" }, { number: "with these logs" }, "then"], Object.keys(then).map((name) => [SYMBOLS[name] ?? name, { number: share(now[name]) }, { number: share(then[name]) }, verdicts[name]]), { class: "cards" }), element("div", { id: "halves" })],
+    table(["parameter", { number: "now" }, { number: "with these logs" }, "then"], Object.keys(then).map((name) => [SYMBOLS[name] ?? name, { number: share(now[name]) }, { number: share(then[name]) }, verdicts[name]]), { class: "cards" }), element("p", { class: "quiet" }, "Thin: now. Thick: with these logs."), element("div", { id: "halves" })],
 };
 
 /** How far the intervals of a plan reach now, and with its logs. */
 function halves(host, { now, then }) {
   const names = Object.keys(then), known = [...Object.values(now), ...Object.values(then)].filter((half) => Number.isFinite(half)), reach = Math.min(100, 120 * Math.max(0.01, ...known));
-  picture(host, { height: 60 + 24 * names.length, x: { label: "95 % interval about the value (%); thin: now, thick: with these logs", range: [-1.4 * reach, 1.1 * reach] }, y: { label: "", range: [names.length - 0.5, -0.5], names: true },
+  picture(host, { height: 60 + 24 * names.length, x: { label: "95 % interval about the value (%)", range: [-1.4 * reach, 1.1 * reach] }, y: { label: "", range: [names.length - 0.5, -0.5], names: true },
     draw: (context, x, y) => names.forEach((name, i) => {
       for (const [of, width] of [[now, 1.5], [then, 5]]) { const half = Math.min(100 * (of[name] ?? Infinity), 1.1 * reach); line(context, [-half, half], [i, i], x, y, style("--model"), { width }); }
       context.fillStyle = style("--ink"); context.font = "13px system-ui"; context.textAlign = "left"; context.textBaseline = "middle"; context.fillText(SYMBOLS[name] ?? name, x(-1.39 * reach) + 4, y(i));

@@ -30,11 +30,11 @@ export function runningJob(job, session) {
   if (job.share !== null && job.share !== undefined) bar.value = job.share;
   const cancel = button("cancel", async () => { await post("cancel", { id: job.id }); await session.look(); });
   return element("section", { class: "job", "data-state": job.state },
-    element("p", {}, element("strong", {}, job.kind), ` ${job.out}: ${stage} (${duration(job.seconds)}${left(job)}) `, cancel), bar,
+    element("p", {}, element("strong", {}, job.kind), `${job.out && ` ${job.out}`}: ${stage} (${duration(job.seconds)}${left(job)}) `, cancel), bar,
     job.stages.length > 1 ? element("p", { class: "quiet" }, job.stages.map(([name, at]) => `${name} ${duration(at)}`).join(" → ")) : null, command(job.command));
 }
 
-const line = (job) => [element("strong", {}, job.kind), ` ${job.out}: ${WORDS[job.state]} after ${duration(job.seconds)} `, result(job)];
+const line = (job) => [element("strong", {}, job.kind), `${job.out && ` ${job.out}`}: ${WORDS[job.state]} after ${duration(job.seconds)} `, result(job)];
 
 /** Jobs that have ended: the newest in one line, all with their commands beneath. */
 export function endedJobs(jobs, clear, open) {
