@@ -186,6 +186,8 @@ def lines(seen: Inspection) -> Iterator[str]:
 
 def _drive(drive: RecordedDrive, record: Record) -> str:
     """The speed of a drive with where it stands; "" where it stands nowhere."""
+    if drive.course is not None:
+        return f"up to {quantity(drive.course.fastest, 'm/s')}, changing gradually, {drive.source}"
     if drive.programme is None:
         return ""
     text = quantity(drive.speed, "m/s") if drive.speed is not None else programme_text(drive.programme)

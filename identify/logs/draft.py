@@ -167,7 +167,9 @@ def _log_lines(log: _Seen, folder: Path, options: Mapping[str, object], rest: _S
         lines.insert(1, "# it slides: it determines the friction at its speed, and with slower logs a and delta_mu_k")
     if log.changes:
         lines.insert(1, f"# {log.changes} (holds determine t_cr and mu_s)")
-    if drive.programme is None:
+    if drive.course is not None:
+        lines.append(f"# its speed changes gradually, up to {speed_text(drive.course.fastest)}: taken {drive.source}")
+    elif drive.programme is None:
         slope = "" if log.slope is None else f"; the force rises at {log.slope:.4g} N/s in stick, that is k times it"
         head = velocity_in_head(piece.record)
         states = "" if head is None else f"the header of the log states {velocity_text(head)}; "

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from data_io import Record
@@ -18,6 +19,7 @@ from data_io.drive import MOST, SAME, Programme, even, evened, motion_of
 from data_io.quality import pauses
 from data_io.values import Finding
 from identify.base.wording import speed_text
+from identify.logs.log_data import WORTH
 from identify.logs.noise import bridged, smooth, white_noise
 from identify.scene import Scene
 from identify.scene.tables import Course
@@ -45,6 +47,10 @@ CLEAR = 0.3  # of the typical force: what counts as a sign
 ALIKE = 1.5  # times: strokes rub to both sides by about as much; a force that swings through zero does not
 FEW, ALIKE_FEW = 8, 3.0  # changes of sign up to which no oscillation makes them, and strokes may differ by running-in
 LEVEL_SHARE = 0.65  # of the rows of strokes, in which the force is more than half of the highest of its stroke
+RESOLVED = 0.5  # of the rows of a column, from which on it changes in each as a rule
+FLICKER = 0.1  # of the steps of a column that go back: more are noise
+FEWEST_KNOWN = 16  # rows of a course
+UNDESCRIBED = 20.0  # times its noise that a course may be off its column
 HELD = 0.8  # of the level of a stroke, that its force has until the drive turns
 
 
@@ -52,12 +58,13 @@ HELD = 0.8  # of the level of a stroke, that its force has until the drive turns
 class RecordedDrive:
     """programme: ((start [s], speed [m/s]), ...), one pair where it is one speed, which then is positive; None where
     the log shows none. source: where it stands, in words; trouble: where it is None, why, in words; stands: a column of
-    the drive, or the head of the log, says that it does not move."""
+    the drive, or the head of the log, says that it does not move; course: where its speed changes gradually."""
 
     programme: Programme | None
     source: str = ""
     trouble: str = ""
     stands: bool = False
+    course: Course | None = None
 
     @property
     def place(self) -> str:
@@ -83,7 +90,7 @@ def recorded_drive(record: Record) -> RecordedDrive:
     tried = [_of_column(record, name) for name in (*speeds, *_named(record, "m", POSITION_NAMES))]
     if tried:
         trouble, stands = "; ".join(d.trouble for d in tried), bool(speeds) and all(d.stands for d in tried)
-        shown = (drive for drive in tried if drive.programme is not None)
+        shown = (drive for drive in tried if drive.programme is not None or drive.course is not None)
         return next(shown, RecordedDrive(None, trouble=trouble, stands=stands))
     if (name := _as_fast_as_the_head(record, ("m/s", "m"))) is not None:
         drive = _of_column(record, name)
@@ -204,18 +211,58 @@ def _of_column(record: Record, name: str) -> RecordedDrive:
     if motion is None:
         return RecordedDrive(None, trouble=f"column {shown} stands still", stands=True)
     if len(motion.pieces) > MOST:
-        return RecordedDrive(None, trouble=f"column {shown} has {len(motion.pieces)} pieces, more than {MOST}")
-    if even(motion):
+        trouble = f"column {shown} has {len(motion.pieces)} pieces, more than {MOST}"
+    elif even(motion):
         speeds = evened([piece.speed for piece in motion.pieces])
         pairs = [(piece.time, speed) for piece, speed in zip(motion.pieces, speeds, strict=True)]
         pairs = [(0.0, pairs[0][1]), *(b for a, b in pairwise(pairs) if a[1] != b[1])]
         if max(speeds) <= 0.0:  # never forth: the sign of a column is a choice
             pairs = [(start, abs(speed)) for start, speed in pairs]
         return RecordedDrive(tuple(pairs), source)
+    else:
+        trouble = f"column {shown} does not move evenly between its turns and rests"
     rate, start = np.polyfit(record.time, motion.position, 1)
     if np.std(motion.position - (start + rate * record.time)) < 0.02 * np.std(motion.position):
         return RecordedDrive(((0.0, abs(float(rate))),), source)
-    return RecordedDrive(None, trouble=f"column {shown} does not move evenly between its turns and rests")
+    return RecordedDrive(None, source, trouble, course=_course_of(record.time, values, record.units()[name] == "m"))
+
+
+def _course_of(time: Array, values: Array, position: bool) -> Course | None:
+    """The course behind a column (n,) of position [m] or speed [m/s]: a speed that is straight from knot to knot, by
+    least squares, with as many knots as the best information criterion has. Where a column moves by steps of its
+    resolution it is known in their middles, where it changes; None where a spline does not describe it."""
+    rows = np.flatnonzero(np.isfinite(values))
+    t, x = time[rows], values[rows]
+    changes, resolution = np.flatnonzero(np.diff(x)), 0.0
+    if changes.size < RESOLVED * x.size:
+        steps = np.diff(x)[changes]
+        if np.mean(steps[1:] * steps[:-1] < 0.0) < FLICKER:
+            t, x = 0.5 * (t[changes] + t[changes + 1]), 0.5 * (x[changes] + x[changes + 1])
+        else:
+            resolution = float(np.median(np.abs(steps)))
+    if t.size < FEWEST_KNOWN:
+        return None
+    beside = (t[1:-1] - t[:-2]) / (t[2:] - t[:-2])
+    off = x[1:-1] - x[:-2] - beside * (x[2:] - x[:-2])
+    noise = float(np.median(np.abs(off))) / 0.83  # 0.6745 of sqrt(1.5) noises
+    noise = max(noise, resolution / np.sqrt(12.0), 1e-7 * float(np.ptp(x)))
+    degree, best, lowest = 2 if position else 1, None, np.inf
+    for segments in 2 ** np.arange(int(np.log2(t.size / 4)) + 1):
+        inner = np.quantile(t, np.linspace(0.0, 1.0, segments + 1)[1:-1])
+        knots = np.concatenate([[t[0]] * (degree + 1), inner, [t[-1]] * (degree + 1)])
+        try:
+            spline = scipy.interpolate.make_lsq_spline(t, x, knots, k=degree)
+        except (ValueError, np.linalg.LinAlgError):
+            break
+        score = float(np.sum((x - spline(t)) ** 2)) / noise**2 + WORTH * segments
+        if score < lowest:
+            best, lowest = spline, score
+    if best is None or lowest > UNDESCRIBED * t.size:
+        return None
+    edges = np.unique(best.t)
+    speeds = best.derivative()(edges) if position else best(edges)
+    pairs = [(0.0, float(speeds[0])), *zip(edges.tolist(), speeds.tolist(), strict=True)]
+    return Course(ramps=tuple(pairs if edges[0] > 0.0 else pairs[1:]))
 
 
 def _travels(position: Array) -> bool:

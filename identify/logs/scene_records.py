@@ -18,7 +18,7 @@ from data_io.correct import Corrections, correct
 from data_io.drive import motion_of
 from data_io.quality import MOST_PAUSES
 from identify.base.errors import FitError
-from identify.base.wording import programme_text
+from identify.base.wording import programme_text, speed_text
 from identify.logs.noise import running_means
 from identify.logs.prepare import PART, STROKE, Prepared, prepare
 from identify.logs.recorded_drive import drive_position, recorded_drive, with_drive_checked
@@ -98,6 +98,11 @@ def with_drives(scene: Scene, records: Sequence[Record] | None = None) -> tuple[
             continue
         record = records[i] if records is not None and i < len(records) else read_entry(scene, i)
         drive = recorded_drive(record)
+        if drive.course is not None:
+            logs[i] = replace(entry, drive_speed=drive.course)
+            most = speed_text(drive.course.fastest)
+            sentences.append(f"{entry.path.name}: the course of the drive was taken {drive.source}, up to {most}.")
+            continue
         if drive.programme is None:
             raise FitError(f"{name}, and {drive.trouble}; {remedy}")
         logs[i] = replace(entry, drive_speed=drive.programme if drive.speed is None else drive.speed)
