@@ -15,7 +15,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -61,6 +61,8 @@ from identify.effects import MAIN
 from identify.logs.prepare import prepare
 from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
+from identify.scene.tables import Course
+from identify.simulation.drive import Drive
 from identify.simulation.simulate import run
 
 SECOND = 20_000  # a profile was mended on pair 10,011 of the strangers: those from 10,000 on are no longer held out
@@ -87,6 +89,7 @@ INVENTED = re.compile(
 """Sentences that give a quantity of the rig as the cause of a misfit."""
 
 Line = dict[str, Any]
+COURSE_SEED = 68
 
 
 @dataclass(frozen=True)
@@ -292,6 +295,34 @@ def behind_plate(number: int) -> Line:
     return line | {"kind": kind, "named": named, "invented": invented, "right": right, "noise": made.noise}
 
 
+def on_course(number: int) -> Line:
+    """A pair under a sine (0.05 to 5 Hz, half of the cases), under ramps between 0.1 and 5 mm/s, or under either as a
+    position column of 10 um shows it."""
+    random, kind = np.random.default_rng([COURSE_SEED, number]), ("sine", "ramps", "sine", "recorded")[number % 4]
+    case, _ = random_case(random, USUAL)
+    course, duration = Course(ramps=tuple((3.0 * i, 10 ** random.uniform(-4, -2.3)) for i in range(5))), 12.0
+    if kind == "sine" or (kind == "recorded" and random.random() < 0.5):
+        turned, frequency = (
+            2.0 * case.truth["mu_s"] * NORMAL_FORCE / case.rig["stiffness"],
+            0.05 * 100 ** random.random(),
+        )
+        course = Course((turned * random.uniform(1.5, 4.0), frequency, random.uniform(-np.pi, np.pi)))
+        duration = float(np.clip(10.0 / frequency, 2.0, 60.0))
+    motion = run(assemble(MAIN), case.truth | case.rig, course, NORMAL_FORCE, duration, accuracy=1e-8)
+    time = np.arange(int(1e3 * duration)) / 1e3
+    force = motion.sample(time)["force"] + NOISE * random.standard_normal(time.size)
+    record, log = Record(time, np.full(time.size, NORMAL_FORCE), force), {"path": "log.csv", "drive": course.table}
+    if kind == "recorded":
+        position = 1e-5 * np.round(1e5 * Drive.of(course, duration).motion(time)[0])
+        record, log = (
+            replace(record, channels={"position": position}, channel_units={"position": "m"}),
+            {"path": "log.csv"},
+        )
+    scene = Scene.from_document({"effects": list(MAIN), "rig": dict(case.rig), "logs": [log]}, Path())
+    line, _ = fitted(scene, [record], case.truth, required=("mu_s", "mu_k0"))
+    return line | {"kind": kind, "slips": int(motion.onsets.size), "course": course.table}
+
+
 def treated_log(number: int) -> Line:
     """Logs smoothed or resampled before; right: nothing false, the treatment named unless the answer is right."""
     (scene, records, truth), kind = treated(number)
@@ -443,6 +474,7 @@ SAMPLES: Mapping[str, Sample] = {
     "coverage": Sample(coverage, 200, 40, coverage=(0.93, 0.97)),
     "auto": Sample(chosen_effects, 40, 6, 36 / 40),
     "counterface": Sample(behind_plate, 240, 16, 57 / 60),
+    "courses": Sample(on_course, 80, 12, 0.9),
     "treated": Sample(treated_log, 210, 35, 0.9),
     "copies": Sample(copied_log, 40, 10, 38 / 40),
     "oscillating": Sample(lambda number: fitted(*oscillating(number), required=())[0], 20, 5, coverage=(0.93, 1.0)),
