@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 Sources = Literal["data", "user", "both"]
 
 DRAWN = 96  # random starts, where the data's own do not fit the features
-FOLLOWED = 6  # starts whose motions are compared along a course
+FOLLOWED = 6  # starts whose motions are compared along a course, and speeds of its cycles that they are taken from
 SAME = 0.02  # of the spread: starts closer than that are one
 MISSING = 1e6  # cost per residual of a log on which a start cannot be placed
 
@@ -105,6 +105,9 @@ def features_of(prepared: Sequence[Prepared]) -> tuple[list[Features], list[Arra
         for alike in at_speeds(at_drive(log), log.slip_times)
     ]
     shown = [(features, base) for features, base in each if features is not None]
+    if any(log.data.on_course for log in cycling) and len(shown) > FOLLOWED:  # as many speeds tell as much as all
+        shown.sort(key=lambda one: one[0].drive_speed)
+        shown = [shown[i] for i in np.linspace(0, len(shown) - 1, FOLLOWED).astype(int)]
     return [features for features, _ in shown], [base for _, base in shown]
 
 

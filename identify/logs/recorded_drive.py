@@ -237,7 +237,9 @@ def _course_of(time: Array, values: Array, position: bool) -> Course | None:
     if changes.size < RESOLVED * x.size:
         steps = np.diff(x)[changes]
         if np.mean(steps[1:] * steps[:-1] < 0.0) < FLICKER:
+            interval = float(np.median(np.diff(t)))  # by which the time of a change is unsure
             t, x = 0.5 * (t[changes] + t[changes + 1]), 0.5 * (x[changes] + x[changes + 1])
+            resolution = interval * float(np.median(np.abs(np.diff(x) / np.diff(t))))
         else:
             resolution = float(np.median(np.abs(steps)))
     if t.size < FEWEST_KNOWN:

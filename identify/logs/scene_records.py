@@ -265,7 +265,7 @@ def _strokes(scene: Scene, entry: LogEntry, record: Record) -> list[LogEntry]:
         return [entry]
     end = float(record.time[-1])
     if isinstance(speed, Course):  # from turn to turn
-        course = Drive.of(speed, end)
+        course = Drive.of(speed, end, FITTED_PIECES)
         turns = [0.0, *(t for t in course.turns() if t < end)]
         pairs = tuple((t, course.at(0.5 * (t + until))) for t, until in pairwise([*turns, end]))
     elif not isinstance(speed, tuple):

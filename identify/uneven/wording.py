@@ -99,7 +99,7 @@ def why_left_out(log: Prepared, usable: int, fewest_samples: int, fewest: int) -
         return (
             f"{log.name}: cycles that differ are followed at a load cell at the drive only, not under the counterface"
         )
-    if log.fit_mode.name != "cycles":
+    if log.fit_mode.name != "cycles" or log.data.on_course:
         return f"{log.name} does not stick and slip at one drive speed; take a window of it that does"
     if samples < fewest_samples:
         return (

@@ -1,0 +1,111 @@
+"""Fits of a drive on a course: from turn to turn, with the course inside of every stick and slip."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from data_io import Record
+from experiments.study_problem import DEMO, RIG
+from identify import Scene, fit
+from identify.base.errors import SceneError
+from identify.effects import MAIN
+from identify.logs.recorded_drive import recorded_drive
+from identify.logs.scene_records import prepare_scene
+from identify.model.model import assemble
+from identify.scene.tables import Course
+from identify.shooting.layout import COARSE_GRID
+from identify.shooting.placing import place
+from identify.shooting.shooting import shooting_problem
+from identify.simulation.drive import Drive
+from identify.simulation.simulate import run
+
+RAMPS, DURATION, NOISE = Course(ramps=((0.0, 0.5e-3), (4.0, 3e-3), (8.0, 0.5e-3))), 8.0, 3e-3
+
+
+def _record(course: Course, duration: float, *, position: bool = False) -> Record:
+    """The demo pair on a course, with noise; position: as a column of 10 um."""
+    motion = run(assemble(MAIN), DEMO | RIG, course, 1.0, duration, accuracy=1e-8)
+    time = np.arange(round(2000 * duration)) / 2000
+    force = motion.sample(time)["force"] + NOISE * np.random.default_rng(1).standard_normal(time.size)
+    record = Record(time, np.ones(time.size), force)
+    if not position:
+        return record
+    steps = 1e-5 * np.round(1e5 * Drive.of(course, duration).motion(time)[0])
+    return replace(record, channels={"position": steps}, channel_units={"position": "m"})
+
+
+def _scene(**log: object) -> Scene:
+    return Scene.from_document({"effects": list(MAIN), "rig": dict(RIG), "logs": [{"path": "log.csv", **log}]}, Path())
+
+
+def _misfit(scene: Scene, record: Record) -> float:
+    """Squares per sample, of twice the noise variance, of the motion that follows from the true parameters."""
+    ready = prepare_scene(scene, [record])
+    log, unknowns = ready.logs[0], ready.unknowns
+    p = np.array([(DEMO | RIG)[name] for name in unknowns.names])
+    (motion,) = place(unknowns.model, [log.data], [p], [log.slip_times], COARSE_GRID)
+    assert motion is not None
+    unknowns = replace(unknowns, start=unknowns.theta(p, log.data.base))
+    problem = shooting_problem([log.data], [motion], unknowns, COARSE_GRID)
+    return problem.evaluate(problem.start, derivatives=False).cost / problem.samples
+
+
+def test_true_parameters_follow_a_drive_on_ramps_and_not_a_faster_one() -> None:
+    record = _record(RAMPS, DURATION)
+    assert _misfit(_scene(drive=RAMPS.table), record) < 2.0
+    faster = Course(ramps=tuple((time, 1.2 * speed) for time, speed in RAMPS.ramps))
+    assert _misfit(_scene(drive=faster.table), record) > 20.0
+
+
+@pytest.mark.parametrize("position", [False, True])
+def test_a_pair_is_recovered_from_one_log_on_ramps(position: bool) -> None:
+    scene = _scene() if position else _scene(drive=RAMPS.table)
+    found = fit(scene, [_record(RAMPS, DURATION, position=position)], time_limit=300.0).result
+    assert found["status"] == "converged"
+    for name, truth in DEMO.items():
+        entry = found["parameters"][name]
+        assert entry["interval"][0] <= truth <= entry["interval"][1], name
+        assert entry["value"] == pytest.approx(truth, rel=0.05), name
+
+
+def test_a_sine_is_cut_at_its_turns() -> None:
+    sine = Course((2e-3, 0.25, 0.0))
+    ready = prepare_scene(_scene(drive=sine.table), [_record(sine, 7.0)])
+    windows = [log.entry.window for log in ready.logs]
+    assert [round(stop, 6) for _, stop in windows] == [1.0, 3.0, 5.0, 6.9995]
+    assert [log.sign for log in ready.logs] == [1, -1, 1, -1]
+    assert all(min(log.data.programme.speeds) > -1e-12 for log in ready.logs if log.data.programme is not None)
+    assert all(log.data.on_course and log.slip_times.size for log in ready.logs)
+
+
+@pytest.mark.parametrize("noise", [0.0, 3e-6])
+def test_the_course_behind_a_coarse_position_column_is_finer_than_its_resolution(noise: float) -> None:
+    record, duration = _record(RAMPS, DURATION, position=True), DURATION
+    position = Drive.of(RAMPS, duration).motion(record.time)[0]
+    wavy = 1e-5 * np.round(1e5 * (position + noise * np.random.default_rng(2).standard_normal(position.size)))
+    course = recorded_drive(replace(record, channels={"position": wavy})).course
+    assert course is not None
+    off = Drive.of(course, duration).motion(record.time)[0] - position
+    assert np.std(off) < 0.5e-6 < np.std(wavy - position)
+
+
+def test_a_course_that_is_misspelt_is_refused_by_name() -> None:
+    for drive, expected in (
+        ({"sine": {"amplitude": "2 mm"}}, "has no frequency"),
+        ({"sine": {"amplitude": "2 mm", "frequency": "1 Hz"}, "ramps": []}, "keep exactly one"),
+        ({"ramps": [[0, "1 mm/s"]]}, "two pairs at least"),
+        ({"sinus": {}}, "did you mean 'sine'"),
+    ):
+        with pytest.raises(SceneError, match=expected):
+            _scene(drive=drive)
+    with pytest.raises(SceneError, match="keep one of them"):
+        _scene(drive=RAMPS.table, drive_speed=1e-3)
+
+
+def test_a_course_survives_the_document_of_its_scene() -> None:
+    scene = _scene(drive=RAMPS.table)
+    assert Scene.from_document(scene.as_document()).logs[0].drive_speed == RAMPS
