@@ -73,8 +73,7 @@ def _inside(unknowns: Unknowns, theta: Array) -> Array:
 
 BINS = 40  # per half natural period
 BEFORE, AFTER = 2.5, 2.0  # half periods around the middle of the fall
-ALIKE, GROUPS = 4, 8  # cycles along a course that count as alike, at least, and groups of them at most
-UNLIKE = 1.5  # times the lowest speed of such a group: the cycles of a drive that goes faster by then are not alike
+ALIKE, UNLIKE = 6, 1.5  # cycles along a course that count as alike, at most, and times their lowest speed the highest
 SHARE = 0.42  # of the period: the window never reaches the next fall
 TIMING = 0.3  # of the time between samples: how well they tell a time
 
@@ -98,16 +97,19 @@ class Features:
 
 
 def at_speeds(log: LogData, slip_times: Array) -> list[tuple[LogData, Array]]:
-    """A log with its cycles (c,); along a course some of them at a time, where its speed hardly changes, with that."""
-    if not log.on_course or not slip_times.size:
+    """A log with its cycles (c,); along a course those one after the other meanwhile its speed hardly changes."""
+    if not log.on_course:
         return [(log, slip_times)]
-    groups = np.array_split(slip_times, min(max(slip_times.size // ALIKE, 1), GROUPS))
-    out = []
-    for own in groups:
-        speeds = np.array([log.speed_at(t) for t in own.tolist()])
-        if np.max(speeds) <= UNLIKE * np.min(speeds):
-            out.append((replace(log, drive_speed=float(np.mean(speeds)), programme=None), own))
-    return out
+    groups = list[list[float]]()
+    for fall in slip_times.tolist():
+        speeds = [log.speed_at(t) for t in [*groups[-1], fall]] if groups else []
+        if speeds and len(speeds) <= ALIKE and max(speeds) <= UNLIKE * min(speeds):
+            groups[-1].append(fall)
+        else:
+            groups.append([fall])
+    pairs = [np.array(own) for own in groups if len(own) > 1]
+    ways = [float(np.ptp(log.moved(own)) / np.ptp(own)) for own in pairs]
+    return [(replace(log, drive_speed=v, programme=None), own) for v, own in zip(ways, pairs, strict=True)]
 
 
 def extract(log: LogData, slip_times: Array, half_period: float) -> Features | None:
