@@ -83,7 +83,8 @@ def starts_of(
 def _by_motion(prepared: list[Prepared], unknowns: Unknowns, tried: Iterable[Array]) -> list[Start]:
     """Thetas (n_p,) by the cost per residual of the motions that follow from them, of programmes by that of their
     beginning; those that can be placed on fewer logs last, those that can on none left out."""
-    logs = [beginning(log, HORIZONS[0]) if log.fit_mode.name == "continuous" else log for log in prepared]
+    programmes = [log.fit_mode.name == "continuous" and not log.data.on_course for log in prepared]
+    logs = [beginning(log, HORIZONS[0]) if cut else log for cut, log in zip(programmes, prepared, strict=True)]
     out = []
     for theta in tried:
         at = replace(unknowns, start=theta)

@@ -303,7 +303,8 @@ def fit_mode_of(log: Segmented, phases: Segmentation, slip_times: Array, stiffne
     """How a log is followed, or a stretch of it with its own phases; slip_times: of its cycles (c,) [s];
     stiffness [N/m], 0 where something else makes the mass swing."""
     time, force, noise, drive, half_period = log.time, log.measured, log.noise, log.drive, log.rig.half_period or 0.0
-    if drive.constant and not phases.slides_on(slip_times.size):
+    few = log.clock is not None and slip_times.size < FEW_SLIPS  # swings after one slip look like these
+    if drive.constant and not few and not phases.slides_on(slip_times.size):
         return FitMode("cycles", low_snr=phases.low_snr and slip_times.size > 0)
     settled = steady_since(time, force, noise, half_period)
     if settled is not None and drive.constant and phases.stick_slope is not None:
