@@ -74,8 +74,6 @@ WEAR = 1e-6 * TIME
     ("name", "unit", "values", "words"),
     [
         ("drive_speed", "", None, "no drive speed, and it is not stated in the log; give drive_speed"),
-        ("Velocity", "m/s", 1e-3 * (2 + np.sin(TIME)), "column Velocity does not move evenly"),
-        ("Position", "m", 1e-3 * np.sin(TIME), "column Position does not move evenly"),
         ("Position", "m", np.full(TIME.size, -0.69e-3), "column Position stands still"),
         ("Z", "m", WEAR, 'column Z is not taken for the drive.*--columns "position=Z"'),
         ("V2", "m/s", 1e-3 + 0 * TIME, 'column V2 is not taken for the drive.*--columns "drive_speed=V2"'),
@@ -88,6 +86,16 @@ def test_a_column_that_is_no_drive_is_named_with_the_way_out(name, unit, values,
         with_drives(scene_of(), [record])
     if name in ("Z", "V2", "V"):
         assert speed_of(record) is None and with_records(scene_of(1e-3), [record])[1][0].findings == ()
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "values", "fastest"),
+    [("Velocity", "m/s", 1e-3 * (2 + np.sin(TIME)), 3e-3), ("Position", "m", 1e-3 * np.sin(TIME), 1e-3)],
+)
+def test_a_column_that_changes_gradually_is_a_course(name, unit, values, fastest):
+    found, said = with_drives(scene_of(), [with_channel(name, unit, values)])
+    assert found.logs[0].drive_speed.fastest == pytest.approx(fastest, rel=0.02)
+    assert len(said) == 1 and "the course of the drive was taken from" in said[0]
 
 
 def test_the_radius_of_a_track_is_no_drive():
