@@ -34,7 +34,7 @@ from experiments.judgement import FRICTION, judged
 from experiments.measured_records import FILES, RECORDS, TOGETHER
 from experiments.measured_records import scene_of as measured_scene
 from experiments.other_laws import LAWS, of_law
-from experiments.record_kinds import KINDS
+from experiments.record_kinds import HELD, KINDS, slide_hold_slide
 from experiments.regime_records import KINDS as REGIMES
 from experiments.regime_records import drawn
 from experiments.strangers import stranger
@@ -157,6 +157,17 @@ def record_kind(number: int) -> Line:
     line, result = fitted(scene, records, kind.pair, required=())
     left_out = [log for log in result.get("logs", ()) if log.get("reason_left_out") is not None]
     return line | {"right": line["right"] and not left_out, "kind": kind.name}
+
+
+def held(number: int) -> Line:
+    """Slide, hold, slide; right: all holds are recognised and t_cr lies within 5 %."""
+    scene, record, truth = slide_hold_slide(number)
+    holds = sorted(change.hold_s for change in inspection("holds.csv", record).changes)
+    seen = len(holds) == len(HELD) and bool(np.allclose(holds, HELD, atol=0.01))
+    line, result = fitted(scene, [record], truth, required=("t_cr",))
+    creep = result.get("parameters", {}).get("t_cr", {}).get("value")
+    near = creep is not None and abs(creep / truth["t_cr"] - 1.0) <= 0.05
+    return line | {"kind": "slips" if number % 2 else "slides", "recognised": seen, "right": seen and near}
 
 
 def wrong_rig(number: int) -> Line:
@@ -465,6 +476,7 @@ SAMPLES: Mapping[str, Sample] = {
     "rate": Sample(recovery("usual", rate=0.25), 41, 8, 40 / 41),
     "wide": Sample(recovery("wide, five logs"), 60, 10, 56 / 60),
     "kinds": Sample(record_kind, 45, 16, 40 / 45),
+    "holds": Sample(held, 40, 4),
     "wrong_rig": Sample(wrong_rig, 30, 9, 28 / 30),
     "causes": Sample(cause, 70, 14, 0.9),
     "designs": Sample(designed, 40, 8, 37 / 40),

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import Record
-from experiments.study_problem import DEMO, NORMAL_FORCE, RIG, recorded
+from experiments.study_problem import DEMO, NORMAL_FORCE, RIG, USUAL, recorded
 from identify import Scene
 from identify.effects import MAIN
 from identify.model.model import assemble
@@ -113,3 +113,30 @@ KINDS = (
     Kind("strokes with rests", (STROKES,), (_faster(STROKES),)),
     Kind("a slip excluded", (MISSED, FAST), (replace(MISSED, said=1.1e-3), FAST)),
 )
+
+HELD = (1.0, 10.0, 100.0, 1000.0)  # [s] that the drive stands
+
+
+def slide_hold_slide(number: int) -> tuple[Scene, Record, dict[str, float]]:
+    """A random pair that slides (even numbers) or sticks and slips, held for a second to a quarter of an hour in random
+    order; its drive speed stands in a column only."""
+    random, slips = np.random.default_rng([68, number]), bool(number % 2)
+    ranges = {"a": USUAL.a if slips else (40.0, 100.0), "D": USUAL.D, "t_cr": (0.3, 5.0) if slips else (2.0, 300.0)}
+    truth = {"mu_s": 1.0, "mu_k0": 0.0, "delta_mu_k": 0.0}
+    while truth["mu_s"] > 3.0 * truth["mu_k0"] or truth["mu_k0"] + truth["delta_mu_k"] <= 0.05:
+        mu_s, step = random.uniform(*USUAL.mu_s), random.uniform(*USUAL.step)
+        truth = {"mu_s": mu_s, "mu_k0": mu_s - step}
+        truth["delta_mu_k"] = random.uniform(*(USUAL.delta_mu_k if slips else (-0.05, -0.02)))
+        truth |= {name: float(np.exp(random.uniform(*np.log(ends)))) for name, ends in ranges.items()}
+    rig, slide, rate = (RIG, 2.0, 200.0) if slips else (STIFF, 1.0, 400.0)
+    start, programme = 0.0, []
+    for hold in random.permutation(HELD).tolist():
+        programme += [(start, 1e-3), (start + slide, 0.0)]
+        start += slide + hold
+    programme.append((start, 1e-3))
+    motion = run(assemble(MAIN), truth | rig, tuple(programme), NORMAL_FORCE, start + slide)
+    record, (starts, speeds) = recorded(motion, rate, random), np.transpose(programme)
+    drive = speeds[np.searchsorted(starts, record.time, side="right") - 1]
+    document = {"effects": [*MAIN, "varying_normal_force"], "rig": dict(rig), "logs": [{"path": "holds.csv"}]}
+    held = Record(record.time, record.normal_force, record.friction_force, drive_speed=drive)
+    return Scene.from_document(document, Path()), held, truth

@@ -256,7 +256,8 @@ def suggestion(
     if name == "drive_speed" and score.log is not None:
         speed = attempt.fitted_logs[score.log].data.drive_speed
         unit, scale = speed_scale(speed)
-        values = f" ({times * speed / scale:.3g} {unit} instead of {speed / scale:.3g} {unit})"
+        better, before = distinct(times * speed / scale, speed / scale)
+        values = f" ({better} {unit} instead of {before} {unit})"
         stated, suggested, error = speed, times * speed, error * speed
     of, everywhere = ("", " in all logs") if log is None else (f" of {log}", "")
     milli = 1e3 * size

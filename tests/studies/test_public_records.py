@@ -37,7 +37,7 @@ def write_manifest(folder, experiments):
         table.writerow(heads)
         for spring, stress in experiments:
             for i, speed in enumerate(SPEEDS):
-                name, speed_text = f"spring_{spring}_{stress}kPa.csv", f"{speed:.3g} mm/s"
+                name, speed_text = f"spring_{spring}_{stress}kPa.csv", f"{speed:.6g} mm/s"
                 window, rigidity = f"[{i * LASTS:g}, {(i + 1) * LASTS:g}]", f"{SPRINGS[spring]:g} N/m"
                 group, load = f"spring {spring} at {stress} kPa", f"{stress} kPa"
                 table.writerow([name, group, speed_text, rigidity, window, spring, load])
