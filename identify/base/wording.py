@@ -92,7 +92,6 @@ LAB_UNITS: dict[str, tuple[tuple[str, float], ...]] = {
 }
 # How a key of the result document ends by its unit; longer endings first.
 KEY_UNITS = (
-    ("_m_per_s2", "m/s²"),
     ("_m_per_s", "m/s"),
     ("_N_per_m", "N/m"),
     ("_N_per_s", "N/s"),

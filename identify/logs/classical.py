@@ -41,8 +41,6 @@ DEFINITIONS: Mapping[str, str] = {
     "breakaway on: (max - min) / (2 mean)",
     "slips_per_mm": "slips per millimetre of travel of the drive",
     "jump_length_m": "drop over stiffness: that of the rig where it is given, else that of the sticks",
-    "largest_acceleration_m_per_s2": "of a slip that is half a sine: half the jump length times the square of pi over "
-    "the median duration of the falls",
     "kinetic_travel_m": "travel of the drive over which the kinetic mean is taken; another with --window",
     "drop_N": "mean over slips of force peak minus following valley, the first breakaway apart where others follow",
     "stick_slope_N_per_s": "median over sticks of the slope of the straight middle of the force rise",
@@ -128,8 +126,6 @@ def _row(part: _Part, stroke: Stroke, verdict: Verdict, stiffness: float | None)
     coefficients = _coefficients(part)
     static, kinetic = (coefficients[f"{name}_coefficient"][0] for name in ("static_peak", "kinetic_mean"))
     force, spring = (float(kinetic) * mean if kinetic else 0.0), stiffness or measured
-    fall = float(np.median(phases.cycles.arrest - phases.cycles.onset)) if phases.count else 0.0
-    jump = drop[0] / spring if drop and spring else None
     loaded = phases.cycles.onset[0] if phases.count and phases.loading_slope is not None else time[0]
     no_speed = "the drive speed is unknown or zero"
     no_stick, none_slides = ("no stick slope", "nothing slides here") if speed else (no_speed, no_speed)
@@ -150,11 +146,7 @@ def _row(part: _Part, stroke: Stroke, verdict: Verdict, stiffness: float | None)
         "static_over_kinetic": (float(static) / float(kinetic) if static and kinetic else None, few),
         "stick_slip_index": (drop[0] / (2.0 * force) if drop and force > 0.0 else None, few),
         "slips_per_mm": (1e-3 / (period[0] * speed) if period and period[0] > 0.0 and speed else None, few),
-        "jump_length_m": (jump, few if spring else no_stick),
-        "largest_acceleration_m_per_s2": (
-            0.5 * jump * (np.pi / fall) ** 2 if jump and fall else None,
-            few if spring else no_stick,
-        ),
+        "jump_length_m": (drop[0] / spring if drop and spring else None, few if spring else no_stick),
         "kinetic_travel_m": (speed * float(time[-1] - loaded) if speed and kinetic else None, none_slides),
         "drop_N": (drop[0] if drop else None, few),
         "drop_sd_N": (drop[1] if drop and phases.count > 1 else None, few),

@@ -156,15 +156,6 @@ def test_figures_of_standards_follow_from_their_definitions():
     assert only_row(table(record, None))["slips_per_mm"] is only_row(table(record, None))["kinetic_travel_m"] is None
 
 
-def test_the_largest_acceleration_is_that_of_the_simulated_mass():
-    run = oracle.simulate(PAIR, 1e-3, 1.0, 4.0)
-    time, force = oracle.noisy_log(run, 4.0, 4000, 1e-3, seed=2)
-    row = only_row(table(Record(time, np.ones(time.size), force), 1e-3, HALF_PERIOD))
-    speed = np.gradient(time * 1e-3 - oracle.noisy_log(run, 4.0, 4000, 0.0, seed=2)[1] / 1470.0, time)
-    largest = np.quantile(np.abs(np.gradient(speed, time))[4000:], 0.995)
-    assert row["largest_acceleration_m_per_s2"] == pytest.approx(largest, rel=0.25)
-
-
 def test_replicates_have_a_mean_and_a_standard_deviation():
     levels = np.random.default_rng(20).normal(0.6, 0.015, 20)
     logs = [
