@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from identify.base.budget import stage
 from identify.estimation.attempt import HORIZONS, place_on
+from identify.logs.log_data import at_speeds
 from identify.logs.prepare import Prepared, at_drive, beginning
 from identify.logs.unknowns import Unknowns
 from identify.logs.vibration import quieted
@@ -21,7 +22,6 @@ from identify.shooting.starts import (
     GOOD,
     Features,
     Start,
-    at_speeds,
     candidates,
     extract,
     fit_features,

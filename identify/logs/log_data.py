@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -23,6 +23,7 @@ NEIGHBOURS = (3, 9, 27, 81)  # frequencies over which a spectrum is averaged: a 
 FALSE_ALARMS = 0.01  # lines per log that white noise alone may show
 FEWEST, EVEN = 64, 0.05  # samples, and share of an interval that intervals may differ, of a spectrum
 PER_PERIOD, MOST_DRAWN = 20, 60_000  # straight pieces per period of the fastest line, and of all of them
+ALIKE, UNLIKE = 6, 1.5  # cycles along a course that count as alike, at most, and times their lowest speed the highest
 JITTER = 0.3  # [s]: what has shorter periods is another one at the end of a slip than at its onset
 
 
@@ -100,6 +101,22 @@ class LogData:
     def mean_normal_force(self) -> float:
         """Mean normal force over the window [N]."""
         return float(np.mean(self.normal_force.at(np.linspace(self.begin, self.end, 101))))
+
+
+def at_speeds(log: LogData, slip_times: Array) -> list[tuple[LogData, Array]]:
+    """A log with its cycles (c,); along a course those in a row at about one speed, with that."""
+    if not log.on_course:
+        return [(log, slip_times)]
+    groups = list[list[float]]()
+    for fall in slip_times.tolist():
+        speeds = [log.speed_at(t) for t in [*groups[-1], fall]] if groups else []
+        if speeds and len(speeds) <= ALIKE and max(speeds) <= UNLIKE * min(speeds):
+            groups[-1].append(fall)
+        else:
+            groups.append([fall])
+    pairs = [np.array(own) for own in groups if len(own) > 1]
+    ways = [float(np.ptp(log.moved(own)) / np.ptp(own)) for own in pairs]
+    return [(replace(log, drive_speed=v, programme=None), own) for v, own in zip(ways, pairs, strict=True)]
 
 
 # The normal force over time.

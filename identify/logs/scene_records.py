@@ -266,7 +266,7 @@ def _strokes(scene: Scene, entry: LogEntry, record: Record) -> list[LogEntry]:
     end = float(record.time[-1])
     if isinstance(speed, Course):  # from turn to turn
         course = Drive.of(speed, end, FITTED_PIECES)
-        turns = [0.0, *(t for t in course.turns() if t < end)]
+        turns = [0.0, *(t for t in _turns(course) if t < end)]
         pairs = tuple((t, course.at(0.5 * (t + until))) for t, until in pairwise([*turns, end]))
     elif not isinstance(speed, tuple):
         name = drive_position(record) if rig.stiffness > 0.0 else None
@@ -301,6 +301,15 @@ def _strokes(scene: Scene, entry: LogEntry, record: Record) -> list[LogEntry]:
             )
         )
     return out or [entry]
+
+
+def _turns(course: Drive) -> list[float]:
+    """When a course turns [s]: where its speed comes to zero."""
+    starts, speeds, _, _ = course.knots
+    moving = np.flatnonzero(np.abs(speeds) > 1e-9 * np.max(np.abs(speeds))).tolist()
+    before = [i for i, j in pairwise(moving) if speeds[i] * speeds[j] < 0.0]
+    shares = [speeds[i] / (speeds[i] - speeds[i + 1]) for i in before]
+    return [float(starts[i] + w * (starts[i + 1] - starts[i])) for i, w in zip(before, shares, strict=True)]
 
 
 def _without_gaps(scene: Scene, entry: LogEntry, record: Record) -> list[LogEntry]:

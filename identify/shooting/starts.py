@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.logs.log_data import LogData
+from identify.logs.log_data import UNLIKE, LogData
 from identify.logs.prepare import Prepared, moving_pieces
 from identify.logs.unknowns import Unknowns
 from identify.model.model import assemble
@@ -73,7 +73,6 @@ def _inside(unknowns: Unknowns, theta: Array) -> Array:
 
 BINS = 40  # per half natural period
 BEFORE, AFTER = 2.5, 2.0  # half periods around the middle of the fall
-ALIKE, UNLIKE = 6, 1.5  # cycles along a course that count as alike, at most, and times their lowest speed the highest
 SHARE = 0.42  # of the period: the window never reaches the next fall
 TIMING = 0.3  # of the time between samples: how well they tell a time
 
@@ -94,22 +93,6 @@ class Features:
     arrest: float
     drop: float
     time: float
-
-
-def at_speeds(log: LogData, slip_times: Array) -> list[tuple[LogData, Array]]:
-    """A log with its cycles (c,); along a course those one after the other meanwhile its speed hardly changes."""
-    if not log.on_course:
-        return [(log, slip_times)]
-    groups = list[list[float]]()
-    for fall in slip_times.tolist():
-        speeds = [log.speed_at(t) for t in [*groups[-1], fall]] if groups else []
-        if speeds and len(speeds) <= ALIKE and max(speeds) <= UNLIKE * min(speeds):
-            groups[-1].append(fall)
-        else:
-            groups.append([fall])
-    pairs = [np.array(own) for own in groups if len(own) > 1]
-    ways = [float(np.ptp(log.moved(own)) / np.ptp(own)) for own in pairs]
-    return [(replace(log, drive_speed=v, programme=None), own) for v, own in zip(ways, pairs, strict=True)]
 
 
 def extract(log: LogData, slip_times: Array, half_period: float) -> Features | None:
