@@ -6,7 +6,7 @@ the time is up: the intervals are then those known so far, at least the ones of 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 
@@ -133,6 +133,10 @@ def certainty(attempt: Attempt, q: Question) -> Certainty | None:
         here, refused = _restarted(here, profiles, q)
         profiles = None if refused is not None else _profiles(here, q, restart=False)
     if profiles is not None:
+        # Where a profile finds an end open, others may follow that parameter on its bent path.
+        seen = _at(here.attempt, here.information, q, profiles)
+        if (further := _profiles(seen, q, restart=False, done=profiles.ends)) is not None:
+            profiles = replace(profiles, ends=profiles.ends | further.ends, curves=profiles.curves | further.curves)
         halves = np.zeros(q.unknowns.free.size)
         halves[q.unknowns.free] = NORMAL * np.sqrt(np.diag(here.covariance))
         for other in here.within(optima):
@@ -240,9 +244,9 @@ def _without_late(here: Certainty, q: Question) -> list[Estimate]:
     ]
 
 
-def _profiles(here: Certainty, q: Question, *, restart: bool) -> Profiles | None:
-    """Of the parameters that deserve one; None where there are none, or the time is up."""
-    along = _profiled(here, q)
+def _profiles(here: Certainty, q: Question, *, restart: bool, done: Collection[str] = ()) -> Profiles | None:
+    """Of the parameters that deserve one and are not done; None where there are none, or the time is up."""
+    along = [i for i in _profiled(here, q) if q.unknowns.names[i] not in done]
     if not along or (not q.options.profile and not in_time("profiles")):
         return None
     q.progress("profiles", None)

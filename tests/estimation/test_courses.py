@@ -61,7 +61,7 @@ def test_true_parameters_follow_a_drive_on_ramps_and_not_a_faster_one() -> None:
     assert _misfit(_scene(drive=faster.table), record) > 20.0
 
 
-@pytest.mark.parametrize("position", [False, True])
+@pytest.mark.parametrize("position", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_a_pair_is_recovered_from_one_log_on_ramps(position: bool) -> None:
     scene = _scene() if position else _scene(drive=RAMPS.table)
     found = fit(scene, [_record(RAMPS, DURATION, position=position)], time_limit=300.0).result

@@ -3,6 +3,7 @@ that does not name it pays nothing."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -75,7 +76,8 @@ def test_a_scene_says_where_the_force_is_measured():
 def test_the_parameters_are_identified_from_a_plate():
     """Of the slowest log a slip holds two samples: those beside its arrest went in and out from pass to pass."""
     made = plated(19)
-    result = fit(made.scene, made.case.records, time_limit=300).result
+    scene = replace(made.scene, logs=made.scene.logs[:3])
+    result = fit(scene, made.case.records[:3], time_limit=300).result
     assert result["status"] == "converged", result["message"]
     for name, true in made.case.truth.items():
         estimate = result["parameters"][name]
