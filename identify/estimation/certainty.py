@@ -136,7 +136,9 @@ def certainty(attempt: Attempt, q: Question) -> Certainty | None:
         # Where a profile finds an end open, others may follow that parameter on its bent path.
         seen = _at(here.attempt, here.information, q, profiles)
         if (further := _profiles(seen, q, restart=False, done=profiles.ends)) is not None:
-            profiles = replace(profiles, ends=profiles.ends | further.ends, curves=profiles.curves | further.curves)
+            profiles = replace(
+                profiles, ends=profiles.ends | further.ends, curves={**profiles.curves, **further.curves}
+            )
         halves = np.zeros(q.unknowns.free.size)
         halves[q.unknowns.free] = NORMAL * np.sqrt(np.diag(here.covariance))
         for other in here.within(optima):
