@@ -14,7 +14,9 @@ from experiments.force_plates import plate_force, plated
 from experiments.study_problem import DEMO, RIG
 from identify import Scene, fit
 from identify.base.errors import SceneError
+from identify.base.result import Status
 from identify.effects import MAIN
+from identify.identification import find
 from identify.logs.segment import drive_force
 from identify.model.model import assemble
 from identify.shooting.blocks import SlideBlock, block
@@ -77,12 +79,12 @@ def test_the_parameters_are_identified_from_a_plate():
     """Of the slowest log a slip holds two samples: those beside its arrest went in and out from pass to pass."""
     made = plated(19)
     scene = replace(made.scene, logs=made.scene.logs[:3])
-    result = fit(scene, made.case.records[:3], time_limit=300).result
-    assert result["status"] == "converged", result["message"]
+    _, found = find(replace(scene, time_limit=300.0), made.case.records[:3])
+    assert found.status is Status.CONVERGED, found.message
+    estimates = {estimate.name: estimate for estimate in found.estimates}
     for name, true in made.case.truth.items():
-        estimate = result["parameters"][name]
-        assert estimate["verdict"] == "identified"
-        assert estimate["value"] == pytest.approx(true, abs=4.0 * estimate["standard_error"])
+        assert estimates[name].verdict == "identified"
+        assert estimates[name].value == pytest.approx(true, abs=4.0 * estimates[name].standard_error)
 
 
 @pytest.mark.parametrize("measured, stated", [("counterface", "drive"), ("drive", "counterface")])
