@@ -10,8 +10,8 @@ is the fixed part that is run after each step. `--set second` draws the same rec
 run only at the end of a change of the fit, and nothing is ever mended on its cases.
 
 `results/acceptance_before.jsonl` holds the cases of the third that were run at b89a542, before the fit was halved,
-`results/acceptance_after.jsonl` most samples whole, at 4f78dd2a to c7ed8047, `results/acceptance_second_after.jsonl` the
-third of the second set for which time sufficed, at 31a765c1 to c7ed8047.
+`results/acceptance_after.jsonl` most samples whole, at 4f78dd2a to c7ed8047, `results/acceptance_second_after.jsonl`
+the third of the second set for which time sufficed, at 31a765c1 to c7ed8047.
 
     python experiments/run_acceptance.py run SAMPLE|all [FIRST LAST] --out FILE.jsonl [--subset third] [--cpu-clock]
     python experiments/run_acceptance.py table BEFORE.jsonl [AFTER.jsonl]
