@@ -172,6 +172,8 @@ def _with_cause(findings: Findings, scene: Scene, read: Sequence[Record], ended:
     causes, tries = list[_Cause](), 0
     while classes:
         some = classes.pop(0)
+        if not some:
+            continue
         score = some.pop(0)
         # What passes as autocorrelated noise may yet be a misfit that another cause has not.
         settled = any(replace(ended, attempt=cause.attempt).fits for cause in causes)
@@ -179,7 +181,7 @@ def _with_cause(findings: Findings, scene: Scene, read: Sequence[Record], ended:
         if tries == REFITTED or (settled and not as_likely) or not in_time(REFIT):
             break
         if any(score.key == one.key for cause in causes for one, _ in cause.alike):
-            classes += [some] if some else []
+            classes.append(some)
             continue
         tries, began = tries + 1, now()
         with tracing(apart=True):
@@ -188,7 +190,7 @@ def _with_cause(findings: Findings, scene: Scene, read: Sequence[Record], ended:
         note(SearchTrial(f"{REFIT}: {score.column.name}", (), "examined", None, round(now() - began, 4)))
         # What takes nearly all of a misfit is of the right class: the next of that is tried before the other classes.
         near = cause is not None and cause.attempt.excess < REMAINS * attempt.excess
-        classes = [*([some] if some and near else []), *classes, *([some] if some and not near else [])]
+        classes.insert(0 if near else len(classes), some)
         if cause is not None and cause.attempt.fits and cause.attempt.excess < enough:
             # Where it hardly had to move, the misfit was the search's.
             unsure = with_effect or cause.score.column.change is None  # its error is that of the score before

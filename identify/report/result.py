@@ -59,7 +59,7 @@ SAME_SPEED = 1.05  # ratio below which two drive speeds are one
 ALL = "all"  # of the covariances by errors, the one of all together
 RIG_ERROR = 0.01  # what a rig quantity without a stated tolerance is tried with
 UNFOLLOWED = 0.02  # of a record: an end that is left out and worth a note
-STATED_REST = 15.0  # [s] before a static coefficient; the standards of films fix it, since strength grows with rest
+STATED_REST = 15.0  # [s] before a static coefficient: strength grows with rest, so that a standard has to fix one
 VALIDITY = "creep velocity D/t_cr (eq. 2): the contact stays fresh while it slides faster"
 NOTABLE = 1.05  # by which factor correlated noise must widen an interval to be worth a note
 

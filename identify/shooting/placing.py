@@ -240,11 +240,11 @@ class _Cycles:
         return batch.slip(self.model, at_onset, self.p, self.u, per_half_period)
 
 
-def _speeds_at(log: LogData, falls: Array) -> Array:
-    """Drive speeds (c,) of cycles with these falls (c,): along a course those since the fall before."""
+def _speeds_at(log: LogData, slip_times: Array) -> Array:
+    """Drive speeds (c,) of cycles that slip at these times (c,) [s]: along a course those since the slip before."""
     if not log.on_course:
-        return np.full(falls.size, log.drive_speed)
-    times = np.concatenate([[log.begin], falls])
+        return np.full(slip_times.size, log.drive_speed)
+    times = np.concatenate([[log.begin], slip_times])
     return np.maximum(np.diff(log.moved(times)) / np.diff(times), SLOWEST * log.drive_speed)
 
 

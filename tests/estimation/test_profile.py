@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from experiments.force_plates import plated
 from experiments.study_problem import DEMO, RIG
 from identify import Scene
 from identify.base.budget import time_limit
@@ -17,6 +18,7 @@ from identify.estimation.covariance import information_at
 from identify.estimation.estimator import tracing
 from identify.estimation.profile import CRITICAL, converged, profile
 from identify.examples import FOLDER
+from identify.identification import find
 from identify.logs.scene_records import with_records
 from identify.shooting.accuracy import DEFAULT_OPTIONS
 from identify.shooting.passes import solve
@@ -137,3 +139,14 @@ def test_an_interval_that_no_profile_could_check_is_not_given(banana, late):
             assert e.value is not None and (e.standard_error, e.lower, e.upper) == (None, None, None)
         else:
             assert e.lower is None or e.upper is None or e.lower < DEMO[e.name] < e.upper
+
+
+def test_what_follows_another_on_its_bent_path_is_profiled_too():
+    """Of the two slowest logs of a plate the covariance alone puts mu_s to within 0.1 %, and t_cr, which it follows, is
+    open: the profile of t_cr shows that, and then mu_s is profiled as well."""
+    made = plated(19)
+    _, found = find(replace(made.scene, logs=made.scene.logs[:2], time_limit=300.0), made.case.records[:2])
+    estimates = {estimate.name: estimate for estimate in found.estimates}
+    for name in ("t_cr", "mu_s", "mu_k0"):
+        assert estimates[name].verdict == "not identifiable", name
+        assert estimates[name].lower < made.case.truth[name] and estimates[name].upper is None
