@@ -21,14 +21,13 @@ from data_io.record import within
 from identify.app.folder import Document, Folder, read_json
 from identify.app.jobs import same_code
 from identify.app.results import as_shown
-from identify.base.document import Json
+from identify.base.document import Json, to_dict
 from identify.base.wording import quantity, speed_text
 from identify.logs.classical import table_of
 from identify.logs.prepare import Segmented
 from identify.logs.recorded_drive import SPEED_TEXT
 from identify.logs.regime import Known, look
 from identify.report.report_tables import stroke_table
-from identify.report.stored_result import plain
 
 LONGEST = 1800.0  # seconds that the inspection of one log may take
 MOST_STROKES = 3  # beside each other in the classical table
@@ -172,4 +171,4 @@ def seen_by_a_fit(log: Segmented) -> Document:
         "stiffness_of_sticks": None if slope is None else slope[0] / log.speed,
         "changes": [change.text for change in log.corrected.changes],
     }
-    return dict(plain(document))
+    return to_dict(document)

@@ -15,6 +15,7 @@ from starlette.responses import Response
 from identify.app.curves import MOST_POINTS
 from identify.app.folder import Document, Folder, PageError, PageQuery, mapping, read_json
 from identify.app.simulations import ONE_AT_A_TIME
+from identify.base.document import to_dict
 from identify.base.errors import IdentifyError
 from identify.base.result import Result
 from identify.base.table import OutputTable
@@ -29,7 +30,6 @@ from identify.report.report_wording import (
     is_uneven,
     tolerances_text,
 )
-from identify.report.stored_result import plain
 from identify.report.style import DPI, drawing_style, extremes
 
 Array = NDArray[np.float64]
@@ -86,7 +86,7 @@ def fit_seen(folder: Folder, name: str) -> Document:
         "figures": [name for name in available(fit) if result.converged or name.startswith("log")],
         "files": sorted(item.name for item in place.iterdir() if item.is_file()),
     }
-    return dict(plain(shown))
+    return to_dict(shown)
 
 
 def fit_picture(folder: Folder, name: str, query: PageQuery) -> Response:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identify.app.folder import Document, PageError
-from identify.base.document import to_document
+from identify.base.document import to_dict, to_document
 from identify.base.result import LogResult, Result
 from identify.estimation.preview import preview
 from identify.logs.prepare import Segmented
@@ -18,7 +18,6 @@ from identify.logs.scene_records import with_drives, with_records
 from identify.prediction.axes import Site, axis, known_axes, moved_values
 from identify.prediction.predict import predict
 from identify.prediction.sources import Tested, pair_of, scenes_at, site_of
-from identify.report.stored_result import plain
 from identify.scene import Scene
 from identify.simulation.drive import Drive
 from identify.simulation.simulate import run
@@ -85,7 +84,7 @@ def tried(scene: Scene, log: Segmented, values: Mapping[str, float], chosen: ran
         "late": float(np.median(motion.onsets[:both] - onsets[:both])) if both else None,
         "uneven": log.verdict.regime is Regime.UNEVEN_STICK_SLIP,
     }
-    return dict(plain(document))
+    return to_dict(document)
 
 
 def start_from_data(scene: Scene) -> Document:
@@ -94,7 +93,7 @@ def start_from_data(scene: Scene) -> Document:
         settled, _ = with_drives(scene)
         settled, records = with_records(settled, None)
         seen = preview(settled, records)
-    return dict(plain({"source": seen.source, "values": seen.parameters}))
+    return to_dict({"source": seen.source, "values": seen.parameters})
 
 
 def site_at(scene: Scene, result: Result | None, number: int) -> Site:
@@ -136,4 +135,4 @@ def answer_at(site: Site, result: Result | None, changes: Mapping[str, float]) -
         "numbers": to_document(answer.amplitude.numbers),
         "ends": [window.high for window in answer.stability.windows[:-1]],
     }
-    return dict(plain(document))
+    return to_dict(document)

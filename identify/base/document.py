@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, Field, fields, is_dataclass
+from enum import Enum
 from functools import cache
+from pathlib import PurePath
 from types import MappingProxyType, NoneType, UnionType
 from typing import TYPE_CHECKING, Literal, TypeAlias, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
@@ -21,6 +24,7 @@ T = TypeVar("T")
 # Metadata of fields: a key is absent where the field has its default, or it holds further keys of the same object.
 OMITTED = MappingProxyType({"omitted": True})
 FURTHER = MappingProxyType({"further": True})
+JSON_TYPES = {str: "string", bool: "boolean", int: "integer", float: "number", NoneType: "null"}
 EXPECTED = {str: "text", bool: "true or false", int: "a whole number", float: "a number"}
 
 
@@ -32,24 +36,74 @@ def finite(value: object) -> float | None:
 
 
 def to_document(value: object) -> Json:
-    """A dataclass as nested dicts and lists of what JSON knows; values that are none of ours stay as they are."""
-    if isinstance(value, Mapping):
-        return {str(key): to_document(item) for key, item in value.items()}
+    """The value as JSON knows it: dict, list, str, int, finite float, bool or None.
+
+    Dataclasses become dicts by their fields, arrays lists, paths and enumerations their text; NaN and infinities None
+    (infinite or missing is null). TypeError for anything else.
+    """
+    if isinstance(value, Enum):
+        return to_document(value.value)
+    if value is None or isinstance(value, bool | str | int):
+        return value
+    if isinstance(value, float):
+        return finite(value)
+    if isinstance(value, Mapping) or is_dataclass(value):
+        return to_dict(value)
     if isinstance(value, tuple | list):
         return [to_document(item) for item in value]
-    return to_dict(value) if is_dataclass(value) else cast("Json", value)
+    if isinstance(value, PurePath):
+        return str(value)
+    if hasattr(value, "tolist"):  # of numpy
+        return to_document(value.tolist())
+    raise TypeError(f"a document holds {type(value).__name__}, which JSON does not know; make it numbers or text")
 
 
 def to_dict(value: object) -> dict[str, Json]:
-    """The document of a dataclass."""
+    """The document of a dataclass or of a mapping."""
+    if isinstance(value, Mapping):
+        return {str(key): to_document(item) for key, item in value.items()}
     out: dict[str, Json] = {}
     for field in fields(value):  # type: ignore[arg-type]
         item = getattr(value, field.name)
         if "further" in field.metadata:
-            out |= cast("dict[str, Json]", to_document(item))
+            out |= to_dict(item)
         elif not ("omitted" in field.metadata and item == field.default):
             out[field.metadata.get("key", field.name)] = to_document(item)
     return out
+
+
+def as_json(document: object) -> str:
+    """The text of a document: strict JSON, no NaN, readable by a person, ending in a newline."""
+    return json.dumps(to_document(document), ensure_ascii=False, allow_nan=False, indent=1) + "\n"
+
+
+def json_schema(kind: object) -> dict[str, object]:
+    """The JSON schema (draft 2020-12) of the documents that `to_document` makes of values of a type; the metadata
+    "schema" of a field narrows what may stand there."""
+    origin, arguments = get_origin(kind), get_args(kind)
+    if kind is object:
+        return {}
+    if origin in (Union, UnionType):
+        return {"anyOf": [json_schema(each) for each in arguments]}
+    if origin is Literal:
+        return {"enum": list(arguments)}
+    if origin is Mapping:
+        return {"type": "object", "additionalProperties": json_schema(arguments[1])}
+    if origin is tuple:
+        if arguments[-1] is Ellipsis:
+            return {"type": "array", "items": json_schema(arguments[0])}
+        count = {"minItems": len(arguments), "maxItems": len(arguments)}
+        return {"type": "array", "prefixItems": [json_schema(each) for each in arguments], **count}
+    if not is_dataclass(kind):
+        return {"type": JSON_TYPES[cast("type", kind)]}
+    known = [(f.metadata.get("key", f.name), f, each) for f, each in _fields_of(cast("type", kind))]
+    own = [(key, f, each) for key, f, each in known if "further" not in f.metadata]
+    return {
+        "type": "object",
+        "properties": {key: json_schema(each) | f.metadata.get("schema", {}) for key, f, each in own},
+        "required": [key for key, f, _ in own if "omitted" not in f.metadata],
+        "additionalProperties": len(own) < len(known),
+    }
 
 
 def from_document(kind: type[T], document: object, where: str = "the document") -> T:

@@ -15,10 +15,18 @@ from numpy.typing import NDArray
 
 from data_io.correct import Change
 from data_io.values import Finding
-from identify.base.document import FURTHER, OMITTED, Json, from_document, to_dict
+from identify.base.document import FURTHER, OMITTED, Json, from_document, json_schema, to_dict
 
 Array = NDArray[np.float64]
+VERDICTS = ("identified", "weak", "bounded", "not identifiable", "at bound", "fixed")
+REGIMES = ("stick_slip", "uneven_stick_slip", "near_harmonic", "sliding", "programme")
+SECONDS = {"schema": {"additionalProperties": {"type": "number", "minimum": 0}}}
 CYCLE_COLUMNS = ("onset_s", "arrest_s", "onset_force_N", "arrest_force_N", "misfit_z")
+
+
+def one_of(*values: object) -> dict[str, object]:
+    """Metadata of a field that holds one of a few values."""
+    return {"schema": {"enum": list(values)}}
 
 
 class Status(Enum):
@@ -86,7 +94,7 @@ class ParameterResult:
     standard_error: float | None = None
     interval: Interval | None = None
     level: float | None = None
-    verdict: str = ""
+    verdict: str = field(default="", metadata=one_of(*VERDICTS))
     reason: str = ""
     group: str = field(default="", metadata=OMITTED)
     per: str = field(default="", metadata=OMITTED)
@@ -213,8 +221,8 @@ class LogResult:
     rows: int | None = None
     labels: Mapping[str, str] = field(default_factory=dict)
     noise_N: float | None = None
-    friction_sign: int = 1
-    regime: str | None = None
+    friction_sign: int = field(default=1, metadata=one_of(1, -1))
+    regime: str | None = field(default=None, metadata=one_of(*REGIMES, None))
     confidence: float | None = None
     evidence: tuple[str, ...] = ()
     slip_count: int | None = None
@@ -314,23 +322,15 @@ class BootstrapResult:
 
 @dataclass(frozen=True)
 class AccuracyLevel:
-    """What one level of accuracy costs, and the errors that its steps leave by parameter."""
+    """What one level of accuracy costs, seconds of processor time, and the error that its steps leave in standard
+    errors: the largest, and by parameter; estimated: by steps as fine as its own, without a fit."""
 
     accuracy: str
-    seconds: float | None = None
-    steps: int | None = None
-    left_in_standard_errors: Mapping[str, float | None] | None = None
-
-
-@dataclass(frozen=True)
-class LevelCost:
-    """What one level of accuracy costs: steps, seconds of processor time, the error of its steps in standard errors."""
-
-    accuracy: str
-    steps: int | None
     seconds: float
-    error_in_standard_errors: float | None
-    estimated: bool
+    steps: int | None = None
+    error_in_standard_errors: float | None = None
+    estimated: bool = True
+    left_in_standard_errors: Mapping[str, float | None] | None = None
 
 
 @dataclass(frozen=True)
@@ -340,7 +340,7 @@ class AccuracyResult:
     taken: str
     equations_s: float
     effects_s: Mapping[str, float]
-    levels: tuple[LevelCost, ...]
+    levels: tuple[AccuracyLevel, ...]
 
 
 @dataclass(frozen=True)
@@ -441,7 +441,7 @@ class Result:
     parameters have no values, and `last_iterate` says where the search stood."""
 
     schema: int = 1
-    status: str = ""
+    status: str = field(default="", metadata=one_of(*(status.value for status in Status)))
     message: str = ""
     parameters: Mapping[str, ParameterResult] = field(default_factory=dict)
     effects: EffectsResult = field(default_factory=EffectsResult)
@@ -464,9 +464,9 @@ class Result:
     more: Mapping[str, Json] = field(default_factory=dict, metadata=FURTHER)
     rig_against_data: Mapping[str, HeldResult] | None = field(default=None, metadata=OMITTED)
     causes: tuple[CauseResult, ...] = ()
-    timing_s: Mapping[str, float] = field(default_factory=dict)
+    timing_s: Mapping[str, float] = field(default_factory=dict, metadata=SECONDS)
     provenance: Mapping[str, Json] = field(default_factory=dict)
-    accuracy: AccuracyResult | None = field(default=None, metadata=OMITTED)
+    accuracy: AccuracyResult | None = None
 
     @staticmethod
     def from_dict(document: object, where: str = "the result") -> Result:
@@ -478,11 +478,14 @@ class Result:
         return from_document(Result, document, where)
 
     def to_dict(self) -> dict[str, Json]:
-        """The document, as JSON knows it but for numbers that are not finite."""
-        document = to_dict(self)
-        if self.converged and self.accuracy is None:
-            document["accuracy"] = None
-        return document
+        """The document, as JSON knows it."""
+        return to_dict(self)
+
+    @staticmethod
+    def json_schema() -> dict[str, object]:
+        """The JSON schema of result.json."""
+        head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "result.json of a fit"}
+        return head | json_schema(Result)
 
     @property
     def converged(self) -> bool:

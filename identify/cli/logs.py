@@ -31,7 +31,6 @@ from identify.logs.recorded_drive import NOT_STATED, RecordedDrive, drive_of, me
 from identify.logs.regime import SURE, Known, LogRegime, Regime, joined, look, only_of
 from identify.logs.segment import SLIDING, SLIP, STICK, Segmentation, jumps, sensor_place
 from identify.report.report_tables import stroke_table, with_sd
-from identify.report.stored_result import plain
 from identify.scene.tables import quantity as stated
 from identify.scene.toml import is_rig, with_rig_file
 
@@ -429,7 +428,7 @@ def inspect(arguments: Namespace, terminal: Terminal) -> Answer:
         terminal.say(f"plot: {', '.join(map(str, draw(drawn, plot)))}")
     if unread:
         message = f"{len(unread)} of {len(inspections)} logs cannot be read; {unread[0]}"
-        return Answer(Exit.WRONG_INPUT, plain({"schema": 1, "status": "error", "message": message, "logs": logs}))
+        return Answer(Exit.WRONG_INPUT, to_dict({"schema": 1, "status": "error", "message": message, "logs": logs}))
     figures = {key: {"mean": mean, "sd": sd} for key, (mean, sd) in repeated.items()}
     return Answer(document={"status": "done", "logs": logs, **({"replicates": figures} if figures else {})})
 

@@ -14,6 +14,7 @@ from importlib import import_module
 from typing import NoReturn
 
 import identify
+from identify.base.document import to_dict
 from identify.base.errors import IdentifyError
 from identify.base.progress import silence
 from identify.cli.commands import COMMANDS, OPTIONS, SAID
@@ -176,8 +177,6 @@ def _failed(code: Exit, message: str, details: Sequence[str] = ()) -> Answer:
 def _print_document(answer: Answer, json_mode: bool) -> None:
     document = dict(answer.document)
     if json_mode and answer.code in (Exit.DONE, Exit.NOT_SUCCEEDED):
-        from identify.report.stored_result import plain
-
-        document = {"schema": 1, **plain(document)}
+        document = {"schema": 1, **to_dict(document)}
     if json_mode:
         print(json.dumps(document, ensure_ascii=False))

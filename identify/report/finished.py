@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io.spelling import Spelled, spelled
-from identify.base.document import Json, to_dict
+from identify.base.document import Json, to_dict, to_document
 from identify.base.errors import FitError
 from identify.base.result import CYCLE_COLUMNS, LogCurves, Result, Status
 from identify.base.wording import quantity as quantity_text
@@ -25,7 +25,7 @@ from identify.prediction.windows import QUANTILES
 from identify.report.report_page import first_screen
 from identify.report.report_tables import classical_table, parameter_table, summary
 from identify.report.report_wording import plain_symbol
-from identify.report.stored_result import plain, read_curves, read_document, scene_of, write_report
+from identify.report.stored_result import read_curves, read_document, scene_of, write_report
 from identify.report.style import FITTED, MEASURED, QUIET, RESIDUAL, SHADE, axes_of, drawing_style
 from identify.scene import Scene
 from identify.scene.tables import quantity
@@ -83,7 +83,7 @@ class Fit(Spelled):
     @cached_property
     def typed(self) -> Result:
         """The document as values."""
-        return Result.from_dict(plain(self.result))
+        return Result.from_dict(to_document(self.result))
 
     @property
     def converged(self) -> bool:

@@ -562,16 +562,16 @@ def with_accuracy(result: Result, findings: Findings, options: FitOptions, proce
     first = FEWEST_STEPS if steps < FEWEST_STEPS else max(steps // 2**halvings, FEWEST_STEPS)
     costs = accuracy_costs(findings.attempt.solved, size, taken, first)
     names = np.array(unknowns.names)[unknowns.free].tolist()
-    levels, table = list[schema.LevelCost](), list[schema.AccuracyLevel]()
+    levels = []
     for cost in costs:
         seconds, worst = max(processor + cost.seconds, 0.0), finite(float(np.max(np.abs(cost.errors))))
-        levels.append(schema.LevelCost(cost.level, cost.steps, seconds, worst, cost.level != taken.name))
         errors = dict(zip(names, map(finite, cost.errors.tolist()), strict=True))
-        table.append(schema.AccuracyLevel(cost.level, seconds, cost.steps, errors))
+        estimated = cost.level != taken.name
+        levels.append(schema.AccuracyLevel(cost.level, seconds, cost.steps, worst, estimated, errors))
     equations, shares = share * processor, effect_shares(unknowns.model)
     effects = {name: part * equations for name, part in shares.items()}
     return replace(
         result,
         accuracy=schema.AccuracyResult(taken.name, equations, effects, tuple(levels)),
-        accuracy_table=tuple(table) if options.accuracy_table else None,
+        accuracy_table=tuple(levels) if options.accuracy_table else None,
     )

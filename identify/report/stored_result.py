@@ -3,52 +3,20 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping, Sequence
-from enum import Enum
-from pathlib import Path, PurePath
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from data_io.atomic import atomic_hdf5, atomic_write
-from identify.base.document import Json
+from identify.base.document import Json, as_json
 from identify.base.errors import DocumentError, FitError, SceneError
 from identify.base.result import LogCurves, Result
 from identify.scene import Scene
 
 if TYPE_CHECKING:
     from identify.report.finished import Fit
-
-# result.json: the document of a fit as strict JSON.
-
-
-def plain(value: object) -> Any:
-    """The value as JSON knows it: dict, list, str, int, float, bool or None.
-
-    NaN and infinities become None (the interface: infinite or missing is null); numpy scalars and
-    arrays become numbers and lists; paths and enumerations their text. TypeError for anything else.
-    """
-    if isinstance(value, Enum):
-        return plain(value.value)
-    if value is None or isinstance(value, bool | str | int):
-        return value
-    if isinstance(value, float):
-        return float(value) if math.isfinite(value) else None
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, np.ndarray | np.generic):
-        return plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
-    if isinstance(value, PurePath):
-        return str(value)
-    raise TypeError(f"a result holds {type(value).__name__}, which JSON does not know; make it numbers or text")
-
-
-def as_json(document: Mapping[str, object]) -> str:
-    """The text of a document: strict JSON, no NaN, readable by a person, ending in a newline."""
-    return json.dumps(plain(document), ensure_ascii=False, allow_nan=False, indent=1) + "\n"
 
 
 def read_document(path: Path) -> dict[str, Json]:

@@ -19,13 +19,13 @@ from matplotlib.figure import Figure
 
 from data_io.atomic import atomic_write
 from identify.base import wording
+from identify.base.document import as_json
 from identify.base.result import ParameterResult
 from identify.base.table import Cell, OutputTable, Row, visible, workbook
 from identify.base.wording import DASH, Scale, decimals, interval_text, number, scale_for
 from identify.report.report_page import svg_element, templates
 from identify.report.report_tables import value_text
 from identify.report.report_wording import MEANINGS, VERDICT_MARK, plain_symbol
-from identify.report.stored_result import as_json
 from identify.report.style import WIDTHS, drawing_style, printable, svg_text
 from identify.studies import compare as comparing
 from identify.studies.compare import PAGE, Comparison, FitEntry, PooledQuantity

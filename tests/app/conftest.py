@@ -16,8 +16,8 @@ from data_io import Record, read_log, write_csv
 from identify.app.folder import Folder
 from identify.app.looks import Looks
 from identify.app.server import Serving
+from identify.base.document import to_dict
 from identify.cli.logs import document, inspection
-from identify.report.stored_result import plain
 from identify.scene import Scene
 from identify.simulation.simulate import simulate
 from tests.support.browser import CHROMIUM, Browser
@@ -88,7 +88,7 @@ def looked_at(tmp_path_factory):
     (place / "pair.toml").write_text(MADE_OF + RIG + HELD + listed)
     looks = Looks(Folder.at(place))
     for name in LOGS:  # as processes of the page do, without their start
-        looks.keep(name, plain(document(inspection(f"./{name}", read_log(place / name)))))
+        looks.keep(name, to_dict(document(inspection(f"./{name}", read_log(place / name)))))
     looks.close()
     return place
 

@@ -9,6 +9,7 @@ import pytest
 from data_io import Record
 from experiments.study_problem import DEMO, NOISE, RIG
 from identify import Scene, fit
+from identify.base.document import as_json
 from identify.bench.design import LogDesign, promised, simulated_log
 from identify.bench.plan import Choices, driven, plan
 from identify.cli import main as cli
@@ -18,7 +19,6 @@ from identify.identification import find
 from identify.logs.log_data import LogData
 from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
-from identify.report.stored_result import as_json
 from identify.shooting.layout import BOUNDED_START_SD
 from identify.simulation.drive import Drive, NormalForce
 from identify.simulation.simulate import run

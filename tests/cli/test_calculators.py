@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from identify.base.document import as_json
 from identify.effects import MAIN
-from identify.report.stored_result import as_json
 from tests.support.command import refused, stickslip
 from tests.support.fake_fit import fit_of_a_scene
 

@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 
 from data_io import Record, write_csv
 from experiments.make_notebook import notebook
+from identify.base.document import as_json
 from identify.cli import main as cli
-from identify.report.stored_result import as_json
 from tests.support.fake_fit import fit_of_a_scene
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"

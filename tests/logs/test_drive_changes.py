@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from data_io import Record
+from identify.base.document import to_dict
 from identify.cli.logs import document, inspection, lines
 from identify.logs.draft import DraftLog, draft
 from identify.logs.drive_changes import drive_changes, summary
 from identify.logs.regime import look
-from identify.report.stored_result import plain
 from tests.support import oracle
 
 STEPS = ((0.0, 1e-5), (60.0, 1e-4), (80.0, 1e-5), (140.0, 3e-5))
@@ -82,7 +82,7 @@ def test_each_hold_has_its_time_and_the_peak_after_it(name, tmp_path):
         after = (record.time >= begin) & (record.time < begin + 0.4)
         assert change.peak_coefficient == pytest.approx(np.max(record.friction_force[after]), abs=8e-3)
         assert change.peak_coefficient > change.before_coefficient + 0.02
-    told = json.loads(json.dumps(plain(document(seen)), allow_nan=False))
+    told = json.loads(json.dumps(to_dict(document(seen)), allow_nan=False))
     assert [change["hold_s"] for change in told["drive_changes"]] == pytest.approx(HOLDS, abs=2e-3)
     assert "slide-hold-slide" in "\n".join(lines(seen)) and "hold of" in "\n".join(lines(seen))
     text = draft([DraftLog(tmp_path / "shs.csv", None, record)], tmp_path, {}).text

@@ -13,9 +13,9 @@ import pytest
 import identify
 from data_io import read_log
 from identify import Fit, FitError, FitOptions, Scene, SceneError, simulate
+from identify.base.document import as_json
 from identify.report import figures, style
 from identify.report.figures import available
-from identify.report.stored_result import as_json
 from tests.support.fake_fit import EFFECTS, RIG, TRUTH, failed, fit_of_a_scene
 
 

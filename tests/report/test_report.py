@@ -14,6 +14,7 @@ import h5py
 import numpy as np
 import pytest
 
+from identify.base.document import as_json
 from identify.base.result import ParameterResult, Status
 from identify.effects import ALL
 from identify.report import write_report
@@ -22,7 +23,6 @@ from identify.report.finished import Fit
 from identify.report.report_page import LARGEST, render_page
 from identify.report.report_tables import parameter_table
 from identify.report.report_wording import PLAIN_SYMBOLS, plain_symbol
-from identify.report.stored_result import as_json
 from identify.report.style import Drawing, extremes
 from tests.support.fake_fit import failed, fake_fit, log_curves, with_verdicts, without_cycles
 

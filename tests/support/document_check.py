@@ -4,22 +4,20 @@ from __future__ import annotations
 
 import json
 import math
-from pathlib import Path
 
 import pytest
 from jsonschema import Draft202012Validator
 
-SCHEMA = json.loads(
-    (Path(__file__).parents[2] / "identify" / "report" / "result_schema.json").read_text(encoding="utf-8")
-)
+from identify.base.result import Result
+
 UNITS = {"mu_s": "", "mu_k0": "", "delta_mu_k": "", "a": "s/m", "D": "m", "t_cr": "s"}
 UNITS |= {"mass": "kg", "stiffness": "N/m", "damping": "N/m"}
 LOGARITHMIC = {"a", "D", "t_cr", "mass", "stiffness", "damping"}
 
 
 def validator() -> Draft202012Validator:
-    """The schema that ships with the package."""
-    return Draft202012Validator(SCHEMA)
+    """Of the schema of result.json."""
+    return Draft202012Validator(Result.json_schema())
 
 
 def check_document(result) -> dict:

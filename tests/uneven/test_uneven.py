@@ -11,10 +11,10 @@ from scipy.integrate import solve_ivp
 from experiments.uneven_records import STIFF, prepared, scene_of, simulated, truth_of
 from identify import fit
 from identify.base.budget import time_limit
+from identify.base.document import to_dict
 from identify.base.errors import FitError
 from identify.logs.unknowns import from_scene
 from identify.report import write_report
-from identify.report.stored_result import plain
 from identify.scene import Scene
 from identify.uneven.answer import UnevenEstimator, creep_estimate, creep_interval, observed_distributions, stated_rig
 from identify.uneven.estimator import APART, LAW_ERROR, agreement, mass_of, maximise, pooled_mass
@@ -188,7 +188,7 @@ def test_a_fit_tells_quantities_with_verdicts(answer):
     result = answer.result
     assert (result["status"], result["estimator"]) == ("converged", "uneven")
     assert not result["not_tried"], "there was time for all"
-    assert validator().is_valid(plain(result))
+    assert validator().is_valid(to_dict(result))
     told = result["parameters"]
     assert all(told[name]["value"] is None and told[name]["reason"] for name in ("mu_s", "mu_k0", "a", "D"))
     for name in ("strength", "weakening_length", "mass"):
