@@ -23,7 +23,7 @@ from identify.base.result import CYCLE_COLUMNS, LogCurves, ParameterResult
 from identify.base.wording import DASH, decimals, number, quantity, scale_for
 from identify.report import style
 from identify.report.report_wording import is_uneven, plain_symbol, with_group
-from identify.report.style import Columns, Drawing, extremes, frame, padded
+from identify.report.style import Columns, Drawing, extremes, padded
 
 if TYPE_CHECKING:
     from identify.estimation.preview import Preview
@@ -72,10 +72,10 @@ DIVERGING = "PuOr"  # distinct to colour-blind readers
 
 
 def pictures(fit: Fit) -> Iterator[Drawing]:
-    """Every figure of the report with its SVG, drawn one after the other so that only one is held open: all but LAWS,
-    which take a tenth of the time of a fit and are drawn when somebody asks for them."""
+    """Every figure of the report with its SVG, drawn one after the other so that only one is held open: of LAWS only
+    friction and ageing, as the others take their time and are drawn when somebody asks for them."""
     with style.drawing_style():
-        for drawing in (draw() for name, draw in available(fit).items() if name not in LAWS):
+        for drawing in (draw() for name, draw in available(fit).items() if name not in LAWS or name in style.REPORTED):
             assert drawing.figure is not None
             yield replace(drawing, svg=style.svg_text(drawing.figure), figure=None)
 
@@ -159,12 +159,15 @@ def draw_force(curves: LogCurves, position: int, accepted: bool, columns: int = 
     near = _close_up(curves.time, onsets)
     spans = [near] if near == slice(None) or columns == 1 else [slice(None), near]
     heights = [2.9, 1.25, 0.9] if fitted else [2.9, 0.9]
-    width, height = style.WIDTHS[columns], 0.6 + 0.465 * sum(heights)
-    figure = NotebookFigure(figsize=(width, height))
-    edges = {"left": 0.58 / width, "right": 1 - 0.1 / width, "bottom": 0.38 / height}
-    edges["top"] = 1 - (0.24 if len(spans) > 1 else 0.08) / height
-    ratios = {"height_ratios": heights, "width_ratios": [2.1, 1][: len(spans)]}
-    grid = figure.add_gridspec(len(heights), len(spans), **ratios, **edges, hspace=0.14, wspace=0.13)
+    figure = NotebookFigure(figsize=(style.WIDTHS[columns], 0.6 + 0.465 * sum(heights)), layout="constrained")
+    grid = figure.subplots(
+        len(heights),
+        len(spans),
+        squeeze=False,
+        height_ratios=heights,
+        width_ratios=[2.1, 1][: len(spans)],
+        sharex="col",
+    )
     signals = {"measured": curves.friction_force, "fitted": curves.fitted_force, "normal": curves.normal_force}
     signals["residual"] = curves.friction_force - curves.fitted_force
     if curves.raw_force is not None:
@@ -172,9 +175,8 @@ def draw_force(curves: LogCurves, position: int, accepted: bool, columns: int = 
     tables: dict[str, Columns] = {}
     for column, part in enumerate(spans):
         shown, time = {name: values[part] for name, values in signals.items()}, curves.time[part]
-        axes = [figure.add_subplot(grid[row, column]) for row in range(len(heights))]
         title = ("whole log", "close-up")[column] if len(spans) > 1 else ""
-        _force_column(axes, curves, time, shown, accepted, title, first=not column)
+        _force_column(grid[:, column], curves, time, shown, accepted, title, first=not column)
         kept = np.unique(np.concatenate([extremes(shown[name], STRETCHES) for name in ("measured", "residual")]))
         drawn = {f"{n}_N": v[kept] for n, v in shown.items() if np.isfinite(v).any()}
         tables[f"log_{position}_force{'_closeup' * column}"] = {"time_s": time[kept], **drawn}
@@ -235,7 +237,6 @@ def _force_column(
             axes[1].axhline(level, color=style.MEASURED, linewidth=0.9, linestyle=(0, (4, 2)), zorder=3)
         limit = 1.1 * max(float(np.nanmax(np.abs(residual), initial=0.0)), 3 * noise, 1e-9)
         axes[1].set_ylim(-limit, limit)
-        frame(axes[1], "", "residual (mN)" if first else "")
     _line(normal, time, shown["normal"], style.QUIET, 0.6)
     levels = [shown[name] for name in ("measured", "raw") if name in shown]
     padded(force, np.concatenate(levels), above=0.16 if len(levels) == 1 else 0.26)
@@ -247,9 +248,12 @@ def _force_column(
             kept = inside[extremes(force_then[inside], MOST_MARKS // 2)]
             marks = force.plot(when[kept], force_then[kept], marker, color=colour, markersize=4.2, label=label)
             marks[0].set(markeredgecolor="white", markeredgewidth=0.4)
-    frame(force, "", "friction force (N)" if first else "", title)
-    frame(normal, "time (s)", "Fₙ (N)" if first else "")
+    force.set_title(title)
+    normal.set_xlabel("time (s)")
     if first:
+        for panel, label in zip(axes, ("friction force (N)", *["residual (mN)"] * fitted, "Fₙ (N)"), strict=True):
+            panel.set_ylabel(label)
+        normal.figure.align_ylabels()
         force.legend(loc="upper right", ncols=5)
     edges = np.flatnonzero(np.diff(np.concatenate([[True], curves.used, [True]]).astype(np.int8))).reshape(-1, 2)
     for panel, bins in zip(axes, (6, 4, 3) if fitted else (6, 3), strict=True):

@@ -16,6 +16,7 @@ from identify.base.wording import DASH, decimals, number, quantity
 from identify.prediction.wording import listed
 from identify.report import report_tables as tables
 from identify.report import report_wording as wording
+from identify.report.style import REPORTED
 
 if TYPE_CHECKING:
     from identify.report.finished import Fit
@@ -118,7 +119,8 @@ def render_page(fit: Fit, drawn: Sequence[Drawing]) -> str:
         shared_labels=[item for item in (result.logs[0].labels.items() if logs else ())
                        if all(item in log.labels.items() for log in result.logs)],
         figures_of={place: [f for f in figures if f.log == place] for place in range(1, len(logs) + 1)},
-        overall_figures=[f for f in figures if f.log is None and f.name != "profile"],
+        law_figures=[f for f in figures if f.name in REPORTED],
+        overall_figures=[f for f in figures if f.log is None and f.name not in (*REPORTED, "profile")],
         depth_figures=[f for f in figures if f.name == "profile"],
         intervals=tables.method_table(result),
         accuracy=tables.accuracy_rows(result.accuracy_table or ()),

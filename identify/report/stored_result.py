@@ -13,6 +13,7 @@ from data_io.atomic import atomic_hdf5, atomic_write
 from identify.base.document import Json, as_json
 from identify.base.errors import DocumentError, FitError, SceneError
 from identify.base.result import LogCurves, Result
+from identify.report.style import REPORTED
 from identify.scene import Scene
 
 if TYPE_CHECKING:
@@ -107,9 +108,9 @@ def write_report(fit: Fit, folder: Path) -> list[Path]:
         "report.html": render_page(fit, drawn),
     }
     (folder / "figures").mkdir(parents=True, exist_ok=True)
-    for pattern in ("log_*_*", "correlation.*", "profile.*", "profile_*", "measured*"):  # of an earlier report
+    for pattern in ("log_*_*", "correlation.*", "profile*", "optima.*", *(f"{law}.*" for law in REPORTED)):
         for path in (folder / "figures").glob(pattern):
-            if path.suffix in (".png", ".svg", ".csv") and path.name not in figures:
+            if path.suffix in (".svg", ".csv") and path.name not in figures:  # of an earlier report
                 path.unlink()
     write_result_h5(fit, folder / "result.h5")
     for name, text in contents.items():

@@ -26,7 +26,7 @@ SHADE, QUIET = "#e9edf1", "#7a858f"
 WIDTHS = {1: 3.4, 2: 7.1}  # of figures [inch], by the columns of a paper that they take
 LAW_HEIGHT = 2.4  # of one pair of axes [inch]
 FORMS, DPI = ("svg", "pdf", "png"), 300
-LABEL = 0.42  # between the axes and the middle of their y label [inch]
+REPORTED = ("friction_over_speed", "strength_over_rest")  # laws that stand in report.html
 LONGEST = 60  # characters of a name of a log in a picture
 TEXT, EDGE, TICK = "#2b333b", "#a9b3bc", "#56616b"
 STYLE: dict[str, object] = {
@@ -98,23 +98,6 @@ def extremes(values: Array, stretches: int) -> NDArray[np.intp]:
     rows = np.pad(finite, (0, -len(finite) % size), "edge").reshape(-1, size)
     at = np.arange(len(rows))
     return np.unique([rows[at, np.argmin(values[rows], axis=1)], rows[at, np.argmax(values[rows], axis=1)]])
-
-
-def frame(axes: Axes, x: str, y: str, title: str = "") -> None:
-    """Axis labels with units and a title, at fixed places: aligned between panels, and matplotlib need not measure.
-
-    An empty x hides the tick labels of a shared time axis.
-    """
-    figure = axes.get_figure(root=True)
-    assert figure is not None
-    box, (width, height), inches = axes.get_position(), figure.get_size_inches(), figure.dpi_scale_trans
-    axes.set_ylabel(y, linespacing=1.05)
-    axes.yaxis.set_label_coords(box.x0 * width - LABEL, (box.y0 + box.y1) / 2 * height, transform=inches)
-    axes.set_xlabel(x)
-    axes.xaxis.set_label_coords((box.x0 + box.x1) / 2 * width, box.y0 * height - 0.21, transform=inches)
-    axes.tick_params(labelbottom=bool(x))
-    if title:
-        axes.set_title(title, y=1.0, pad=5)
 
 
 def padded(axes: Axes, values: Array, share: float = 0.08, above: float = 0.0) -> None:

@@ -14,6 +14,7 @@ from data_io.contents import log_is_at
 from data_io.quality import DEFAULTS, Thresholds
 from data_io.spelling import Spelled
 from identify.base.budget import DEFAULT_TIME_LIMIT
+from identify.base.document import to_document
 from identify.base.errors import SceneError
 from identify.base.wording import DASH, quantity, wrapped
 from identify.effects import ALL
@@ -157,7 +158,7 @@ class Scene(Spelled):
         law = _stated({"coefficient": self.contact.coefficient, "exponent": self.contact.exponent})
         return {
             "name": self.name,
-            "effects": _plain(self.effects),
+            "effects": to_document(self.effects),
             "rig": table,
             "contact": _stated({"area": self.contact.area, "area_law": law}),
             **{name: part for name, part in optional.items() if part},
@@ -304,15 +305,9 @@ class Scene(Spelled):
         return same
 
 
-def _plain(value: object) -> object:
-    if isinstance(value, tuple):
-        return [_plain(item) for item in value]
-    return dict(value) if isinstance(value, Mapping) else value
-
-
 def _stated(table: Mapping[str, object], without: Sequence[str] = ()) -> Tables:
     """The table without what it does not state; tuples become lists, as in JSON."""
-    return {key: _plain(v) for key, v in table.items() if v is not None and v != () and v != {} and key not in without}
+    return {key: to_document(v) for key, v in table.items() if v not in (None, (), {}) and key not in without}
 
 
 def _with_course(table: Tables, drive: DriveSpeed | None) -> Tables:
