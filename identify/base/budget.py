@@ -63,22 +63,15 @@ def timing_stages() -> Iterator[dict[str, float]]:
 
 @contextmanager
 def stage(name: str) -> Iterator[None]:
-    """What runs inside counts to this stage; a stage within another one is part of that."""
-    seconds = _seconds.get()
-    if seconds is None or _stage.get() is not None:
-        yield
-        return
-    token, began = _stage.set(name), time.perf_counter()
+    """What runs inside counts to this stage, and not to the one it is within."""
+    seconds, outer = _seconds.get(), _stage.get()
+    token, began = _stage.set(name), now()
     try:
         yield
     finally:
         _stage.reset(token)
-        seconds[name] = max(seconds.get(name, 0.0) + time.perf_counter() - began, 0.0)  # clocks differ by their ticks
-
-
-def of_which(part: str, seconds: float, of: str) -> None:
-    """So many seconds of a stage, where it is the one under way, count to a stage of their own."""
-    stages = _seconds.get()
-    if stages is not None and _stage.get() == of:
-        stages[part] = stages.get(part, 0.0) + seconds
-        stages[of] = stages.get(of, 0.0) - seconds
+        spent = now() - began
+        if seconds is not None:
+            seconds[name] = seconds.get(name, 0.0) + spent
+            if outer is not None:  # which counts all of it when it ends
+                seconds[outer] = seconds.get(outer, 0.0) - spent

@@ -18,7 +18,7 @@ from data_io.values import Finding
 from identify.base.document import FURTHER, OMITTED, Json, from_document, json_schema, to_dict
 
 Array = NDArray[np.float64]
-VERDICTS = ("identified", "weak", "bounded", "not identifiable", "at bound", "fixed")
+VERDICTS = ("identified", "weak", "bounded", "not profiled", "not identifiable", "at bound", "fixed")
 REGIMES = ("stick_slip", "uneven_stick_slip", "near_harmonic", "sliding", "programme")
 SECONDS = {"schema": {"additionalProperties": {"type": "number", "minimum": 0}}}
 CYCLE_COLUMNS = ("onset_s", "arrest_s", "onset_force_N", "arrest_force_N", "misfit_z")

@@ -39,20 +39,6 @@ def rising_root(
     return np.asarray(after if x.size else x)
 
 
-def concave_zero(function: Callable[[float], tuple[float, float]], high: float) -> float:
-    """Where a concave function, positive at 0 and not at `high`, falls to zero: Newton's method comes down to it.
-
-    Args:
-        function: t -> value and slope.
-    """
-    while True:
-        value, slope = function(high)
-        lower = high - value / slope if slope < 0.0 else high
-        if not 0.0 <= lower < high:  # to the last digit
-            return high
-        high = lower
-
-
 # The first time at which a positive function falls to zero: scanned as finely as its time scales ask, then refined.
 #
 # Knows nothing of friction. What is smooth (ramps, decays that begin at time zero) is seen on a geometric grid; where
@@ -124,12 +110,12 @@ def _first_in(function: Function, t: Array, v: Array) -> float | None:
         value = lambda part, low=low: float(function(np.array([low + part]))[0])  # noqa: E731
         lowest = scipy.optimize.minimize_scalar(value, bounds=(0.0, span), options={"xatol": 0.0})
         if lowest.fun <= 0.0:
-            return _refined(function, low, low + float(lowest.x))
-    return _refined(function, t[last - 1], t[last]) if fallen.size else None
+            return zero_between(function, low, low + float(lowest.x))
+    return zero_between(function, t[last - 1], t[last]) if fallen.size else None
 
 
-def _refined(function: Function, low: float, high: float) -> float:
-    """The zero between a time where the function is positive and one where it is not."""
+def zero_between(function: Function, low: float, high: float) -> float:
+    """The zero between a time where the function is positive and one where it is not, to the last digits."""
 
     def value(t: float) -> float:
         return float(function(np.array([t]))[0])

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.budget import of_which, stage, time_is_up
+from identify.base.budget import stage, time_is_up
 from identify.base.result import Status
 from identify.estimation.goodness_of_fit import Gate, pass_gate
 from identify.logs.prepare import Prepared, beginning, cut_in_last_stick
@@ -98,7 +98,6 @@ def solve_placed(placed: list[PlacedLog], unknowns: Unknowns, cost_cutoff: float
     with stage("solve"):
         data, weak = [log.data for log in logs], unknowns.with_weak_priors()
         solved = solve_in_passes(data, trajectories, weak, cost_cutoff=cost_cutoff)
-        of_which("build", solved.transcription_seconds, of="solve")
         gate = pass_gate(solved, [log.name for log in logs], [log.noise_estimated for log in logs])
     return Attempt(tuple(numbers), tuple(logs), solved, gate)
 

@@ -26,27 +26,19 @@ from identify.prediction.axes import Axis
 from identify.prediction.maps import NO_ANSWER, NOT_ADMITTED, Boundary, Chart, LineMap
 from identify.prediction.sources import Tested
 from identify.prediction.windows import Outcome
-from identify.report.style import ARREST, ONSET, drawing_style
+from identify.report.report_wording import OUTCOMES
+from identify.report.style import ARREST, DPI, FITTED, ONSET, SLIDING, drawing_style
 
 Array = NDArray[np.float64]
 
-SIZE, OVER_ONE, DPI = (3.54, 4.3), (3.54, 4.6), 300  # inch: a journal column is 90 mm wide
-STICKS, SLIDES, TESTED = "#D55E00", "#0072B2", "0.25"  # ends of stick-slip and of stable sliding, the tested range
+SIZE, OVER_ONE = (3.54, 4.3), (3.54, 4.6)  # inch: a journal column is 90 mm wide
+STICKS, SLIDES, TESTED = FITTED, SLIDING, "0.25"  # ends of stick-slip and of stable sliding, the tested range
 FONT = 7.5
 LETTER, LINE = 0.01, 0.03  # half a letter over the width of a map, half a line over its height
 NARROW = 30.0  # ratio of the ends of an axis up to which it has numbers between the decades
 LEVELS = 6  # of contours
 POWERS = 30.0  # ratio of values from which levels and colours are even in powers
-# outcome: colour, words in the legend
-REGIONS = {
-    Outcome.NEVER_STICKS.value: ("#dcebf5", "steady sliding"),
-    Outcome.ALWAYS_STICKS.value: ("#fbe3d0", "stick-slip"),
-    Outcome.BISTABLE.value: ("#f3eca0", "both: depends on the start"),
-    Outcome.IRREGULAR.value: ("#e3c7d8", "irregular stick-slip"),
-    Outcome.UNDECIDED.value: ("#c9cdd2", "oscillates without rest"),
-    NOT_ADMITTED: ("#ffffff", "not possible"),
-    NO_ANSWER: ("#ffffff", "no answer"),
-}
+COLOURS = dict(zip(OUTCOMES, "#dcebf5 #fbe3d0 #f3eca0 #e3c7d8 #c9cdd2 #ffffff #ffffff".split(), strict=True))
 
 
 def draw_map(
@@ -164,21 +156,21 @@ def _regions(canvas: _Canvas, sticks: Path | None) -> list[Artist]:
     layers += [(unstable, Outcome.ALWAYS_STICKS)] if sticks is not None else []
     for path, outcome in layers:
         if path is not None:
-            patch = axes.add_patch(PathPatch(path, facecolor=REGIONS[outcome.value][0], edgecolor="none", zorder=0.5))
+            patch = axes.add_patch(PathPatch(path, facecolor=COLOURS[outcome.value], edgecolor="none", zorder=0.5))
             if outcome is Outcome.ALWAYS_STICKS and sticks is not None:
                 patch.set_clip_path(PathPatch(sticks, transform=axes.transData))
     for word in (Outcome.IRREGULAR.value, NOT_ADMITTED, NO_ANSWER):  # cells of nodes, as they have no outline
         cells = np.ma.masked_where(chart.outcomes != word, np.ones(chart.outcomes.shape))
         if cells.count():
-            colour = ListedColormap([REGIONS[word][0]])
+            colour = ListedColormap([COLOURS[word]])
             axes.pcolormesh(canvas.x, canvas.y, cells, shading="nearest", cmap=colour, vmin=0, vmax=1, zorder=0.6)
-    seen = [word for word in REGIONS if word in chart.outcomes and not _named_inside(canvas, word)]
-    return [Patch(facecolor=REGIONS[word][0], edgecolor="0.5", lw=0.4, label=REGIONS[word][1]) for word in seen]
+    seen = [word for word in OUTCOMES if word in chart.outcomes and not _named_inside(canvas, word)]
+    return [Patch(facecolor=COLOURS[word], edgecolor="0.5", lw=0.4, label=OUTCOMES[word]) for word in seen]
 
 
 def _named_inside(canvas: _Canvas, word: str) -> bool:
     """Write the name of an outcome into its region, in one line or one word a line, where that has room for it."""
-    colour, text = REGIONS[word]
+    colour, text = COLOURS[word], OUTCOMES[word]
     cells = np.pad(canvas.chart.outcomes == word, 1)
     for wrapped in (text, text.replace(" ", "\n")):
         height, width = LINE * (wrapped.count("\n") + 1), LETTER * max(map(len, wrapped.split("\n")))
@@ -326,6 +318,5 @@ def _shade(axes: Axes, outcomes: Sequence[str], x: Array, changes: Array) -> Non
         if i + 1 < len(outcomes):
             between = changes[(changes > x[i]) & (changes < x[i + 1])]
             end = between[0] if between.size == 1 else 0.5 * (x[i] + x[i + 1])
-        colour, text = REGIONS[word]
-        axes.axvspan(begin, end, color=colour, lw=0, zorder=0, label=text)
+        axes.axvspan(begin, end, color=COLOURS[word], lw=0, zorder=0, label=OUTCOMES[word])
         begin = end

@@ -5,7 +5,15 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 
-from identify.base.result import AccuracyResult, DistributionResult, Result, Status, ToleranceResult, UnevenResult
+from identify.base.result import (
+    VERDICTS,
+    AccuracyResult,
+    DistributionResult,
+    Result,
+    Status,
+    ToleranceResult,
+    UnevenResult,
+)
 from identify.base.wording import number, quantity, range_text
 from identify.effects import ALL
 from identify.estimation.covariance import TOLERANCE_WORDS
@@ -34,18 +42,8 @@ MEANINGS: Mapping[str, str] = {
     "stiffness": "stiffness of the rig",
     "damping": "hysteresis damping of the rig",
 }
-VERDICT_CLASS = {
-    **dict.fromkeys(("weak", "bounded", "not profiled"), "fair"),
-    **dict.fromkeys(("not identifiable", "at bound"), "bad"),
-    "identified": "good",
-}  # of all others: plain
-VERDICT_MARK = dict(
-    zip(
-        ("identified", "weak", "bounded", "not profiled", "not identifiable", "at bound", "fixed"),
-        "✓≈<…?|=",
-        strict=True,
-    )
-)
+VERDICT_MARK = dict(zip(VERDICTS, "✓≈<…?|=", strict=True))
+VERDICT_CLASS = dict(zip(VERDICTS, ("good", "fair", "fair", "fair", "bad", "bad", "plain"), strict=True))
 ANSWER_WORDS: Mapping[str, str] = {
     "drop": "drop of the force (onset to rest)",
     "critical_speed": "stick-slip ends above",
@@ -57,11 +55,13 @@ RECORD_WORDS: Mapping[str, str] = {
     "drop_scatter": "scatter of that drop from slip to slip",
 }
 OUTCOMES: Mapping[str, str] = {
-    "always sticks": "stick-slip, from any start",
-    "never sticks": "steady sliding, from any start",
-    "bistable": "stick-slip or sliding, by the start",
+    "never sticks": "steady sliding",
+    "always sticks": "stick-slip",
+    "bistable": "both: depends on the start",
     "sticks irregularly": "irregular stick-slip",
-    "undecided": "neither was found",
+    "undecided": "oscillates without rest",
+    "not possible": "not possible",
+    "no answer": "no answer",
 }
 # Words for the verdict on the data of a log, and the class of their chip.
 QUALITY: Mapping[str, tuple[str, str]] = {

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 import math
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
-from functools import lru_cache
+from importlib.metadata import version
 from itertools import pairwise, permutations
 
 import numpy as np
@@ -61,6 +60,7 @@ RIG_ERROR = 0.01  # what a rig quantity without a stated tolerance is tried with
 UNFOLLOWED = 0.02  # of a record: an end that is left out and worth a note
 STATED_REST = 15.0  # [s] before a static coefficient: strength grows with rest, so that a standard has to fix one
 VALIDITY = "creep velocity D/t_cr (eq. 2): the contact stays fresh while it slides faster"
+DIFFERENCE = 1e-5  # relative steps of a derivative
 NOTABLE = 1.05  # by which factor correlated noise must widen an interval to be worth a note
 
 
@@ -106,10 +106,10 @@ def result_of(
         causes=findings.causes,
         timing_s={stage: seconds.get(stage, 0.0) for stage in (*STAGES, "total")},
         provenance={
-            "version": _version(DISTRIBUTION),
+            "version": version(DISTRIBUTION),
             "scene": scene.as_document(),
             "seed": seed,
-            "packages": {name: _version(name) for name in PACKAGES},
+            "packages": {name: version(name) for name in PACKAGES},
             "finished": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         },
     )
@@ -125,11 +125,6 @@ def result_of(
     iterate = {e.name: schema.LastValue(e.value, e.unit, ends.get(e.name)) for e in findings.estimates}
     nothing = {name: schema.LastValue(None, entry.unit) for name, entry in result.parameters.items()}
     return replace(result, last_iterate=iterate or nothing)
-
-
-@lru_cache
-def _version(name: str) -> str:
-    return importlib.metadata.version(name)
 
 
 def _message(prepared: list[Prepared], findings: Findings) -> str:
@@ -419,62 +414,52 @@ def _published(
     return out
 
 
-def _creep_velocity(length: float, time: float) -> tuple[float, tuple[float, ...]]:
-    """D/t_cr, and the slopes of its logarithm."""
-    return length / time, (1.0 / length, -1.0 / time)
-
-
-def _static_after_rest(static: float, kinetic: float, time: float) -> tuple[float, tuple[float, ...]]:
-    """Static coefficient of a contact that was fresh STATED_REST before (eqs. 3 and 5), and its slopes."""
-    left = math.exp(-STATED_REST / time)
-    return static - (static - kinetic) * left, (1.0 - left, left, -(static - kinetic) * left * STATED_REST / time**2)
-
-
-DERIVED = (
-    ("v_cr", "m/s", ("D", "t_cr"), _creep_velocity, VALIDITY),
+# What follows from parameters alone: name, unit, parameters, law, whether its logarithm has the symmetric interval,
+# validity.
+DERIVED: tuple[tuple[str, str, tuple[str, ...], Callable[..., float], bool, str], ...] = (
+    ("v_cr", "m/s", ("D", "t_cr"), lambda length, time: length / time, True, VALIDITY),
     (
-        "static_15s",
+        "static_15s",  # of a contact that was fresh before the rest (eqs. 3 and 5)
         "",
         ("mu_s", "mu_k0", "t_cr"),
-        _static_after_rest,
+        lambda static, kinetic, time: static - (static - kinetic) * math.exp(-STATED_REST / time),
+        False,
         f"after a rest of {STATED_REST:g} s; ISO 8295 fixes the rest, since strength grows with it",
     ),
 )
-"""What follows from parameters alone: name, unit, parameters, value with slopes (of v_cr its logarithm), validity."""
 
 
 def derived_quantities(
     parameters: Mapping[str, ParameterResult], known: schema.Correlation | None
 ) -> dict[str, schema.Number]:
-    """DERIVED of the first group, and as "v_cr (V08)" of the others; those of which a parameter has no value absent."""
+    """DERIVED of the first group, and as "v_cr (V08)" of the others; those of which a parameter has no value absent.
+    Intervals are to first order, by central differences."""
     keys = {(entry.parameter or name, entry.group): name for name, entry in parameters.items()}
     names = known.names if known is not None else ()
     out: dict[str, schema.Number] = {}
-    for title, unit, wanted, law, validity in DERIVED:
+    for title, unit, wanted, law, by_logarithm, validity in DERIVED:
         for group in dict.fromkeys(g for name, g in keys if name in wanted and g) or ("",):
             of = [keys.get((name, group)) or keys.get((name, ""), "") for name in wanted]
             entries = [parameters.get(key) or ParameterResult() for key in of]
-            values = [entry.value for entry in entries if entry.value]
+            values = np.array([entry.value for entry in entries if entry.value])
             if len(values) < len(of):
                 continue
-            value, slopes = law(*values)
-            interval: schema.Interval = (None, None)
-            reason = ""
+            value, key = law(*values.tolist()), f"{title} ({group})" if title in out else title
             if any(e.standard_error is None and e.verdict != "fixed" for e in entries):
                 reason = f"interval open: these data do not determine {' or '.join(wanted)}"
-            else:
-                errors = np.array([s * (e.standard_error or 0.0) for s, e in zip(slopes, entries, strict=True)])
-                rho = np.eye(len(of))
-                for (i, one), (j, other) in permutations(enumerate(of), 2):
-                    if known is not None and one in names and other in names:
-                        rho[i, j] = known.matrix[names.index(one)][names.index(other)] or 0.0
-                half = NORMAL * math.sqrt(max(float(errors @ rho @ errors), 0.0))
-                by_logarithm = law is _creep_velocity
-                interval = (
-                    (value * math.exp(-half), value * math.exp(half)) if by_logarithm else (value - half, value + half)
-                )
-            key = f"{title} ({group})" if title in out else title
-            out[key] = schema.Number(value, unit, interval, validity, reason, group=group)
+                out[key] = schema.Number(value, unit, (None, None), validity, reason, group=group)
+                continue
+            rho = np.eye(len(of))
+            for (i, one), (j, other) in permutations(enumerate(of), 2):
+                if known is not None and one in names and other in names:
+                    rho[i, j] = known.matrix[names.index(one)][names.index(other)] or 0.0
+            steps = np.diag(DIFFERENCE * values)
+            changes = np.array([law(*(values + h).tolist()) - law(*(values - h).tolist()) for h in steps])
+            errors = changes / (2.0 * np.diag(steps)) * [e.standard_error or 0.0 for e in entries]
+            half = NORMAL * math.sqrt(max(float(errors @ rho @ errors), 0.0))
+            ends = (value * math.exp(-half / value), value * math.exp(half / value))
+            interval = ends if by_logarithm else (value - half, value + half)
+            out[key] = schema.Number(value, unit, interval, validity, group=group)
     return out
 
 

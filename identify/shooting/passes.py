@@ -10,7 +10,6 @@ a hundredfold with a pass that fails and falls to a tenth with one that succeeds
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -19,7 +18,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from identify.base.budget import seconds_left, time_is_up
+from identify.base.budget import seconds_left, stage, time_is_up
 from identify.base.linear import optimality_matrix, solve_equilibrated
 from identify.logs.log_data import LogData
 from identify.logs.unknowns import Unknowns
@@ -200,7 +199,7 @@ FASTEST = 0.5  # largest step times the rate |delta_mu_k| a F_n / m; a linear de
 @dataclass(frozen=True)
 class Solved:
     """The last pass: problem, solution, theta (n_p,) and the trajectories there, the largest event shift of the last
-    pass in samples, iterations and passes in all, seconds spent forming problems."""
+    pass in samples, iterations and passes in all."""
 
     problem: Problem
     solution: Solution
@@ -209,7 +208,6 @@ class Solved:
     event_shift: float
     iterations: int
     passes: int
-    transcription_seconds: float
 
     @property
     def grid(self) -> Grid:
@@ -258,16 +256,15 @@ def solve_in_passes(
     """
     grid, coarse = first_grid(logs, trajectories, unknowns), True
     exact, weight, failures = False, 0.0, 0
-    iterations, seconds = 0, 0.0
+    iterations = 0
     accepted: Solved | None = None
     failed: Solved | None = None
     before, cost, share = np.zeros(1), np.inf, 1.0  # of the fine pass before: event shifts, cost, share that was gone
     for number in range(1, MOST_PASSES + 1):
-        since = time.perf_counter()
         pattern = None if accepted is None else accepted.problem.pattern
         region = unknowns if weight == 0.0 else unknowns.within_region(weight)
-        problem = shooting_problem(logs, trajectories, region, grid, pattern=pattern)
-        seconds += time.perf_counter() - since
+        with stage("build"):
+            problem = shooting_problem(logs, trajectories, region, grid, pattern=pattern)
         # What was beside a jump in a fine pass stays out of later ones: else samples go in and out with its event.
         logs = logs if coarse else problem.logs
         begun = problem.evaluate(problem.start, derivatives=True).cost
@@ -275,7 +272,7 @@ def solve_in_passes(
         iterations += spent
         theta, moved = problem.layout.at(solution.x)
         shift = _shift_in_samples(problem, solution, logs, trajectories)
-        passed = Solved(problem, solution, theta, moved, shift, iterations, number, seconds)
+        passed = Solved(problem, solution, theta, moved, shift, iterations, number)
         # Squares in noise variances per sample.
         begun, misfit = (2.0 * each / max(problem.samples, 1) for each in (begun, solution.cost))
         # A pass that ends with ten times the misfit it began with, or the noise, has lost its way.

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from identify.base.compiled import Mapped, compiled
 from identify.base.errors import SimulationError
-from identify.base.roots import concave_zero, first_zero
+from identify.base.roots import first_zero, zero_between
 from identify.model.model import ELONGATION, INPUTS, SPEED, TIME, Model
 from identify.simulation.drive import Drive, NormalForce, breaks
 from identify.simulation.plan import Plan, Scales, swing
@@ -132,21 +132,22 @@ class Resting:
         if margin <= 0.0:
             return 0.0, x, force
         onset = None
+
+        def margins(times: Array) -> Array:
+            return self._at(float(times[0]))[:1] if times.size == 1 else self._at_times(self._margins, times)
+
         if limit > 0.0:
             np.multiply(_SHARES, limit, out=self._at_shares)
             if self.model.vibrates or self._curvature()[0] > 0.0:
                 # Looked at finely only where what oscillates may take the margin to zero.
                 period, swung = swing(self.model, situated.p)
 
-                def margins(times: Array) -> Array:
-                    return self._at(float(times[0]))[:1] if times.size == 1 else self._at_times(self._margins, times)
-
                 def least(times: Array) -> Array:
                     return self._at_times(self._calm, times) - (1.0 + 1e-12) * swung  # force of what oscillates
 
                 onset = first_zero(margins, limit, period, least)
             elif self._at(limit)[0] <= 0.0:
-                onset = concave_zero(lambda t: tuple(self._at(t)[:2].tolist()), limit)
+                onset = zero_between(margins, 0.0, limit)
         row = self._at(limit if onset is None else onset)
         return onset, row[3:].copy(), float(row[2])
 

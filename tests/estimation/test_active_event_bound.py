@@ -26,7 +26,7 @@ def held_at(room: float | None) -> Solved:
         problem.layout.lower[event] = wanted - 1e-3
         solution = solve(problem, tolerance=1e-8, mu_init=1e-6)
     assert solution.success
-    return Solved(problem, solution, *problem.layout.at(solution.x), 0.0, 1, 1, 0.0)
+    return Solved(problem, solution, *problem.layout.at(solution.x), 0.0, 1, 1)
 
 
 def test_an_event_kept_from_its_place_is_noticed_by_what_it_does_to_the_answer() -> None:
