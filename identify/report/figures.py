@@ -176,7 +176,7 @@ def draw_force(curves: LogCurves, position: int, accepted: bool, columns: int = 
     for column, part in enumerate(spans):
         shown, time = {name: values[part] for name, values in signals.items()}, curves.time[part]
         title = ("whole log", "close-up")[column] if len(spans) > 1 else ""
-        _force_column(grid[:, column], curves, time, shown, accepted, title, first=not column)
+        _force_column(list(grid[:, column]), curves, time, shown, accepted, title, first=not column)
         kept = np.unique(np.concatenate([extremes(shown[name], STRETCHES) for name in ("measured", "residual")]))
         drawn = {f"{n}_N": v[kept] for n, v in shown.items() if np.isfinite(v).any()}
         tables[f"log_{position}_force{'_closeup' * column}"] = {"time_s": time[kept], **drawn}
