@@ -186,6 +186,27 @@ def places_of_positive(error: float | None, value: float) -> int:
     return max(places_for(error, value), 2 - _decade(value))
 
 
+def value_and_interval(
+    value: float | None,
+    ends: tuple[float | None, float | None],
+    scale: Scale,
+    error: float | None = None,
+    positive: bool = False,
+) -> tuple[str, str]:
+    """A SI value and its interval in the unit of the scale, with the decimals that a quarter of the interval is worth,
+    else the error (without both three digits); "" for an interval without ends.
+
+    positive: it may span decades, so that the value has three digits at least.
+    """
+    (low, high), interval = ends, "" if ends == (None, None) else interval_text(ends, scale)
+    if value is None:
+        return DASH, interval
+    width = error if low is None or high is None else (high - low) / 4
+    shown, places = value / scale.factor, places_of_positive if positive else places_for
+    digits = places(width / scale.factor, shown) if width else places_for(None, shown) - 1
+    return decimals(shown, digits), interval and interval_text(ends, scale, digits)
+
+
 def quantity(value: float | None, unit: str, digits: int = 4) -> str:
     """The SI value with a fitting unit: 37.4e-6, "m" -> "37.4 µm"."""
     if value is None:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from identify.base.result import Number
-from identify.base.wording import decimals, interval_text, number, places_of_positive, range_text, scale_for
+from identify.base.wording import number, range_text, scale_for, value_and_interval
 
 if TYPE_CHECKING:
     from identify.prediction.predict import PointPrediction
@@ -36,9 +36,8 @@ def with_interval(entry: Number) -> str:
     if value is None or low is None or high is None or not high > low:
         return shown(value, entry.unit)
     scale = scale_for(value, entry.unit)
-    places = places_of_positive((high - low) / 4 / scale.factor, value / scale.factor)
-    text = f"{decimals(value / scale.factor, places)} {scale.unit}".rstrip()
-    return f"{text} (95 %: {interval_text((low, high), scale, places)})"
+    text, interval = value_and_interval(value, entry.ends, scale, positive=True)
+    return f"{text} {scale.unit}".rstrip() + f" (95 %: {interval})"
 
 
 def _why_open(entries: Iterable[Number]) -> str:

@@ -9,10 +9,9 @@ from dataclasses import replace
 from identify.base import result as schema
 from identify.base import wording
 from identify.base.document import Json, finite
-from identify.base.quantiles import NORMAL
 from identify.base.result import LogResult, ParameterResult, Result
 from identify.base.table import Cell, OutputTable, Row
-from identify.base.wording import DASH, Scale, decimals, interval_text, number, quantity, scale_for
+from identify.base.wording import DASH, Scale, decimals, interval_text, number, quantity, scale_for, value_and_interval
 from identify.report import report_wording
 from identify.report.report_wording import plain_symbol, with_group
 
@@ -23,30 +22,19 @@ CAUSE_UNITS = {"stiffness": "N/m", "drive_speed": "m/s", "force_zero": "N", "loa
 HEADINGS = ("run", "step", "stroke", "direction")  # of a stroke
 
 
-def value_text(entry: ParameterResult, scale: Scale) -> tuple[str, int]:
-    """A value as text in a unit, with the decimals that its interval, else its standard error, gives; and these."""
-    value, (low, high) = (entry.value or 0.0) / scale.factor, entry.ends
-    error = entry.standard_error if low is None or high is None else 0.5 * (high - low) / NORMAL
-    places = wording.places_for(error / scale.factor, value) if error else wording.places_for(None, value) - 1
-    return decimals(value, places), places
-
-
 def parameter_table(parameters: Mapping[str, ParameterResult]) -> OutputTable:
     """Value, 95 % interval and verdict of each parameter in lab units, beside them the interval of noise alone where
     there is one. The first column holds the name, its symbol for a page."""
     exact = any(entry.interval_rig_exact for entry in parameters.values())
     rows = []
     for name, entry in parameters.items():
-        scale, value, interval, alone = scale_for(entry.value, entry.unit), DASH, DASH, ""
-        places = None
-        if entry.value is not None:
-            value, places = value_text(entry, scale)
-            if entry.interval_rig_exact:
-                halves = [abs(end - entry.value) / scale.factor for end in entry.interval_rig_exact if end is not None]
-                exact_places = wording.places_for(min(halves, default=0.0) / 2, entry.value / scale.factor)
-                alone = interval_text(entry.interval_rig_exact, scale, exact_places)
-        if entry.verdict != "fixed" and entry.interval:
-            interval = interval_text(entry.ends, scale, places)
+        scale, alone = scale_for(entry.value, entry.unit), ""
+        value, interval = value_and_interval(entry.value, entry.ends, scale, entry.standard_error)
+        if entry.value is not None and entry.interval_rig_exact:
+            halves = [abs(end - entry.value) / scale.factor for end in entry.interval_rig_exact if end is not None]
+            exact_places = wording.places_for(min(halves, default=0.0) / 2, entry.value / scale.factor)
+            alone = interval_text(entry.interval_rig_exact, scale, exact_places)
+        interval = DASH if entry.verdict == "fixed" or not entry.interval else interval or "open"
         kind, base = report_wording.VERDICT_CLASS.get(entry.verdict, "plain"), entry.parameter or name
         symbol = with_group(plain_symbol(base), entry.group)
         verdict = f"{report_wording.VERDICT_MARK.get(entry.verdict, '')} {entry.verdict}".strip()
@@ -290,11 +278,7 @@ def _of(entries: Mapping[str, Json], key: str) -> Mapping[str, Json]:
 def _answer(entry: Mapping[str, Json], scale: Scale) -> Cell:
     shown, ends = finite(entry.get("value")), entry.get("interval")
     low, high = map(finite, ends) if isinstance(ends, Sequence) else (None, None)
-    text, interval = DASH if shown is None else number(shown / scale.factor), ""
-    if shown is not None and low is not None and high is not None:
-        text = decimals(shown / scale.factor, wording.places_for((high - low) / 4 / scale.factor, shown))
-    if shown is not None and (low is not None or high is not None):
-        interval = interval_text((low, high), scale)
+    text, interval = value_and_interval(shown, (None, None) if shown is None else (low, high), scale)
     doubt = validity if "not valid" in (validity := str(entry.get("validity") or "")) else ""
     notes = filter(None, (interval, doubt, str(entry.get("reason") or "")))
     return Cell(text, note=" · ".join(notes), kind="doubt" if doubt else "")

@@ -18,13 +18,11 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from data_io.atomic import atomic_write
-from identify.base import wording
 from identify.base.document import as_json
 from identify.base.result import ParameterResult
 from identify.base.table import Cell, OutputTable, Row, visible, workbook
-from identify.base.wording import DASH, Scale, decimals, interval_text, number, scale_for
+from identify.base.wording import DASH, Scale, decimals, number, scale_for, value_and_interval
 from identify.report.report_page import svg_element, templates
-from identify.report.report_tables import value_text
 from identify.report.report_wording import MEANINGS, VERDICT_MARK, plain_symbol
 from identify.report.style import WIDTHS, drawing_style, printable, svg_text
 from identify.studies import compare as comparing
@@ -263,34 +261,29 @@ def _parameters(comparison: Comparison) -> OutputTable:
             if mean is None:
                 rows.append((_name(entry), group, *[None] * 8, entry.reason or "none of its fits has it"))
                 continue
-            value, ends = q.shown(mean.value), [q.shown(v) for v in mean.interval or ()]
+            value = q.shown(mean.value)
+            low, high = mean.interval or (None, None)
+            ends = None if low is None else q.shown(low), None if high is None else q.shown(high)
             per = value if q.logarithmic else 1.0
-            text, interval = _estimate(value, ends, scale, q.logarithmic)
+            text, interval = value_and_interval(value, ends, scale, positive=q.logarithmic)
             remark = mean.reason or ("mean of the logarithm" if q.logarithmic else "")
             scatter = None if mean.scatter is None else mean.scatter * per
             counts = (mean.error * per, mean.fits, mean.subjects, scatter, remark)
-            shown = (Cell(value, text, interval or "open"), *(ends or (None, None)), Cell(q.unit, scale.unit or "1"))
+            shown = (Cell(value, text, interval or "open"), *ends, Cell(q.unit, scale.unit or "1"))
             rows.append((_name(entry), group, *shown, *counts))
     by, who = comparison.question.by, comparison.selected.subject or "people"
     heads = ("parameter", by, "mean", "95 % low", "95 % high", "unit", "standard error", "fits", who)
     return OutputTable(f"Parameters by {by}", (*heads, "scatter of its fits", "remark"), tuple(rows), "parameters")
 
 
-def _estimate(value: float, ends: Sequence[float], scale: Scale, positive: bool) -> tuple[str, str]:
-    """A value and its interval (n = 2 ends, or none) as text in one unit, with as many digits as the interval gives."""
-    shown, low_high = value / scale.factor, [end / scale.factor for end in ends]
-    width = (low_high[1] - low_high[0]) / 4 if ends else None
-    places = wording.places_of_positive(width, shown) if positive else wording.places_for(width, shown)
-    return decimals(shown, places), wording.ends_text(low_high[0], low_high[1], places) if ends else ""
-
-
 def difference_text(entry: PooledQuantity, d: Difference) -> tuple[str, str]:
     """A difference and its interval as text: a factor where the mean is that of the logarithm."""
     if entry.quantity.logarithmic:
-        text, interval = _estimate(math.exp(d.value), [math.exp(v) for v in d.interval or ()], Scale("", 1.0), True)
+        ends = (None, None) if d.interval is None else (math.exp(d.interval[0]), math.exp(d.interval[1]))
+        text, interval = value_and_interval(math.exp(d.value), ends, Scale("", 1.0), positive=True)
         return f"× {text}", f"× {interval}" if interval else ""
     unit = unit_of(entry)
-    text, interval = _estimate(d.value, d.interval or (), unit, False)
+    text, interval = value_and_interval(d.value, d.interval or (None, None), unit)
     tail = f" {unit.unit}" if unit.unit else ""
     return f"{'+' * (d.value > 0)}{text}{tail}", f"{interval}{tail}" if interval else ""
 
@@ -358,10 +351,10 @@ def fits_table(entries: Sequence[FitEntry], links: Sequence[str] = ()) -> Output
         for name, scale in zip(names, scales, strict=True):
             p, cell = entry.result.parameters.get(name, ParameterResult(None)), Cell()
             if p.value is not None:
-                value, _ = value_text(p, scale)
+                value, interval = value_and_interval(p.value, p.ends, scale, p.standard_error)
                 mark = "" if p.verdict == "identified" else VERDICT_MARK.get(p.verdict, "")
                 text = " ".join(filter(None, (value, scale.unit, mark)))
-                cell = Cell(p.value, text, interval_text(p.ends, scale) if p.interval else p.verdict)
+                cell = Cell(p.value, text, (interval or "open") if p.interval else p.verdict)
             row += [cell, p.standard_error, p.verdict]
         rows.append(tuple(row))
     return OutputTable("Fits", tuple(heads), tuple(rows), "fits")
