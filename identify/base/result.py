@@ -68,15 +68,12 @@ Interval = tuple[float | None, float | None]  # an end that is open is None
 
 
 @dataclass(frozen=True)
-class Number:
-    """One number with its 95 % interval; validity: where it holds; reason: why an end is open; group: of logs."""
+class Value:
+    """A number with its unit and its 95 % interval, where it has one."""
 
-    value: float | None
+    value: float | None = None
     unit: str = ""
-    interval: Interval | None = None
-    validity: str = ""
-    reason: str = field(default="", metadata=OMITTED)
-    group: str = field(default="", metadata=OMITTED)
+    interval: Interval | None = field(default=None, metadata=OMITTED)
 
     @property
     def ends(self) -> Interval:
@@ -85,14 +82,22 @@ class Number:
 
 
 @dataclass(frozen=True)
-class ParameterResult:
+class Number(Value):
+    """A number that follows from others; validity: where it holds; reason: why an end is open; group: of logs."""
+
+    interval: Interval | None = None
+    validity: str = ""
+    reason: str = field(default="", metadata=OMITTED)
+    group: str = field(default="", metadata=OMITTED)
+
+
+@dataclass(frozen=True)
+class ParameterResult(Value):
     """One parameter; interval, standard error and verdict hold errors of rig and sensors, interval_rig_exact the noise
     alone; group, its label (per) and the own name (parameter) of one that differs between groups of logs."""
 
-    value: float | None = None
-    unit: str = ""
-    standard_error: float | None = None
     interval: Interval | None = None
+    standard_error: float | None = None
     level: float | None = None
     verdict: str = field(default="", metadata=one_of(*VERDICTS))
     reason: str = ""
@@ -100,11 +105,6 @@ class ParameterResult:
     per: str = field(default="", metadata=OMITTED)
     parameter: str = field(default="", metadata=OMITTED)
     interval_rig_exact: Interval | None = field(default=None, metadata=OMITTED)
-
-    @property
-    def ends(self) -> Interval:
-        """Both ends of the interval, open ones None."""
-        return self.interval or (None, None)
 
 
 @dataclass(frozen=True)
@@ -170,20 +170,12 @@ class FitFigures:
 
 
 @dataclass(frozen=True)
-class QualityFigure:
-    """A number that the quality of a log was judged by."""
-
-    value: float | None = None
-    unit: str = ""
-
-
-@dataclass(frozen=True)
 class QualityResult:
-    """What the quality gate says of a log: accept, accept with warnings, reject."""
+    """What the quality gate says of a log (accept, accept with warnings, reject), and the numbers it judged by."""
 
     verdict: str = ""
     findings: tuple[Finding, ...] = ()
-    figures: Mapping[str, QualityFigure] = field(default_factory=dict)
+    figures: Mapping[str, Value] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -344,15 +336,6 @@ class AccuracyResult:
 
 
 @dataclass(frozen=True)
-class LastValue:
-    """Where the search stood when it ended without success."""
-
-    value: float | None
-    unit: str = ""
-    interval: Interval | None = field(default=None, metadata=OMITTED)
-
-
-@dataclass(frozen=True)
 class HeldResult:
     """A rig quantity as stated, and where the data would put it; distance in squared standard errors."""
 
@@ -378,19 +361,11 @@ class CauseResult:
 
 
 @dataclass(frozen=True)
-class Quantile:
-    """A quantile of a distribution over the cycles of an uneven record, with its interval."""
-
-    value: float | None
-    interval: Interval
-
-
-@dataclass(frozen=True)
 class DistributionResult:
     """How static peak, drop or period are spread; quantiles by percent."""
 
     unit: str
-    quantiles: Mapping[str, Quantile]
+    quantiles: Mapping[str, Value]
 
 
 @dataclass(frozen=True)
@@ -460,7 +435,7 @@ class Result:
     optima: tuple[OptimumResult, ...] | None = field(default=None, metadata=OMITTED)
     bootstrap: BootstrapResult | None = field(default=None, metadata=OMITTED)
     accuracy_table: tuple[AccuracyLevel, ...] | None = field(default=None, metadata=OMITTED)
-    last_iterate: Mapping[str, LastValue] | None = field(default=None, metadata=OMITTED)
+    last_iterate: Mapping[str, Value] | None = field(default=None, metadata=OMITTED)
     more: Mapping[str, Json] = field(default_factory=dict, metadata=FURTHER)
     rig_against_data: Mapping[str, HeldResult] | None = field(default=None, metadata=OMITTED)
     causes: tuple[CauseResult, ...] = ()

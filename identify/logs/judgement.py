@@ -12,7 +12,7 @@ from data_io import Record
 from data_io.arrays import kept, thinned
 from data_io.quality import DEFAULTS, Quality, Thresholds, Verdict, assess, percent, presses, verdict_of
 from data_io.values import Finding
-from identify.base.result import QualityFigure, QualityResult
+from identify.base.result import QualityResult, Value
 from identify.logs.noise import line_slope, slope_error
 from identify.logs.recorded_drive import speed_of, turns_of_sign
 from identify.logs.regime import CERTAIN, FEW, Spectrum, classify
@@ -63,7 +63,7 @@ class Judgement:
 
     quality: Quality
     findings: tuple[Finding, ...]
-    figures: Mapping[str, QualityFigure]
+    figures: Mapping[str, Value]
     slope_errors: tuple[float, ...]
     ends_loading: bool
 
@@ -108,10 +108,10 @@ def judge(
     for part, slope, drift in zip(parts, slopes, drifts, strict=True):
         notes += _of_slips(part, slope, drift, thresholds)
     notes += _suspicions(record, [part.phases for part in parts])
-    figures = {name: QualityFigure(value, unit) for name, (value, unit) in quality.figures.items()}
-    figures["spikes"] = QualityFigure(int(sum(np.count_nonzero(part.spikes) for part in parts)))
+    figures = {name: Value(value, unit) for name, (value, unit) in quality.figures.items()}
+    figures["spikes"] = Value(int(sum(np.count_nonzero(part.spikes) for part in parts)))
     for name, values in (("stick_slope_error", slopes), ("friction_drift", drifts)):
-        figures[name] = QualityFigure(next((value for value in values if value is not None), None))
+        figures[name] = Value(next((value for value in values if value is not None), None))
     order = ["reject", "warning", "info"]
     findings = sorted(dict.fromkeys(notes), key=lambda f: order.index(f.severity))
     if any(f.code == "forces_swapped" for f in findings):  # the other doubts come of it, an advice to zero among them

@@ -138,7 +138,7 @@ def distribution_lines(result: Result) -> Iterator[tuple[str, str, str]]:
     for name, entry in UnevenResult.of(result).distributions.items():
         if name in LABELS:
             middle = entry.quantiles["50"]
-            value = f"{quantity(middle.value, entry.unit, 3)} ({range_text(*middle.interval, entry.unit)})"
+            value = f"{quantity(middle.value, entry.unit, 3)} ({range_text(*middle.ends, entry.unit)})"
             yield LABELS[name], value, f"{_range(entry, entry.unit)}{BASES[name]}"
 
 

@@ -122,8 +122,8 @@ def result_of(
     if converged:
         return result
     ends = _profile_ends(findings.sure, findings.unknowns, base)  # of a parameter at its bound, one end is that bound
-    iterate = {e.name: schema.LastValue(e.value, e.unit, ends.get(e.name)) for e in findings.estimates}
-    nothing = {name: schema.LastValue(None, entry.unit) for name, entry in result.parameters.items()}
+    iterate = {e.name: schema.Value(e.value, e.unit, ends.get(e.name)) for e in findings.estimates}
+    nothing = {name: schema.Value(None, entry.unit) for name, entry in result.parameters.items()}
     return replace(result, last_iterate=iterate or nothing)
 
 
@@ -229,7 +229,9 @@ def _parameters(findings: Findings, converged: bool) -> dict[str, ParameterResul
     if not kept:
         why = "nothing was fitted; see the message"
         return {
-            q.name: ParameterResult(None, q.unit, None, (None, None), LEVEL, "not identifiable", why)
+            q.name: ParameterResult(
+                unit=q.unit, interval=(None, None), level=LEVEL, verdict="not identifiable", reason=why
+            )
             for q in findings.unknowns.model.parameters
             if q.name not in RIG_PARAMETERS
         }

@@ -19,7 +19,7 @@ COVARIANCE = np.array(
 def _derived(covariance=COVARIANCE, unknown=()):
     errors = np.sqrt(np.diag(covariance))
     parameters = {
-        name: ParameterResult(VALUES[name], "", None if name in unknown else error, verdict="identified")
+        name: ParameterResult(VALUES[name], standard_error=None if name in unknown else error, verdict="identified")
         for name, error in zip(NAMES, errors.tolist(), strict=True)
     }
     matrix = tuple(map(tuple, (covariance / np.outer(errors, errors)).tolist()))
