@@ -20,6 +20,7 @@ from data_io.notebook_figure import NotebookFigure
 from identify.base import result as schema
 from identify.base.quantiles import LEVEL, chi_square
 from identify.base.result import CYCLE_COLUMNS, LogCurves, ParameterResult
+from identify.base.table import visible
 from identify.base.wording import DASH, decimals, number, quantity, scale_for
 from identify.report import style
 from identify.report.report_wording import is_uneven, plain_symbol, with_group
@@ -286,7 +287,7 @@ def draw_preview(preview: Preview) -> Figure:
                 foot = np.full(inside.size, axes.get_ylim()[0])
                 axes.plot(inside, foot, "|", color=colour, markersize=9, label=name)
             axes.set_xlim(time[0], time[-1])
-        row[0].set_title(f"{style.printable(log.name)} · {quantity(log.drive_speed, 'm/s')} · {log.text}")
+        row[0].set_title(f"{visible(log.name, 60)} · {quantity(log.drive_speed, 'm/s')} · {log.text}")
         row[0].set_ylabel("force (N)")
     for axes in grid[-1]:
         axes.set_xlabel("time (s)")

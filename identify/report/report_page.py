@@ -12,6 +12,7 @@ from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from identify.base.result import LogResult, Result, Status
+from identify.base.table import Cell, OutputTable
 from identify.base.wording import DASH, decimals, number, quantity
 from identify.prediction.wording import listed
 from identify.report import report_tables as tables
@@ -131,6 +132,8 @@ def render_page(fit: Fit, drawn: Sequence[Drawing]) -> str:
         held=tables.held_table(result.rig_against_data) if result.rig_against_data else None,
         sensitivity=tables.sensitivity_table(result) if result.rig_sensitivity else None,
         provenance=_provenance(result),
+        files=OutputTable("Files", ("log", "file", "SHA-256"),
+                          tuple((Cell(f"{i}"), log.path, log.sha256 or "") for i, log in enumerate(result.logs, 1))),
         scene=text if len(text) <= LONGEST_SCENE else f"{text[:LONGEST_SCENE]}\n… (whole in result.json)",
     )  # fmt: skip
 
@@ -180,8 +183,6 @@ def _log(place: int, log: LogResult, converged: bool) -> dict[str, object]:
     return {
         "number": place,
         "name": log.name or f"log {place}",
-        "path": log.path,
-        "sha256": log.sha256 or "",
         "facts": [(name, text) for name, text in facts if text != DASH],
         "labels": list(log.labels.items()),
         "quality": words,
@@ -190,7 +191,10 @@ def _log(place: int, log: LogResult, converged: bool) -> dict[str, object]:
         "findings": [(finding.severity, finding.message) for finding in log.quality.findings],
         "left_out": log.reason_left_out or "",
         "corrections": [
-            f"{c.text} (standard error {quantity(c.standard_error, c.unit, 2)})" if c.standard_error else c.text
+            (
+                "info",
+                c.text + (f" (standard error {quantity(error, c.unit, 2)})" if (error := c.standard_error) else ""),
+            )
             for c in log.corrections
         ],
     }

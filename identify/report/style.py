@@ -27,7 +27,6 @@ WIDTHS = {1: 3.4, 2: 7.1}  # of figures [inch], by the columns of a paper that t
 LAW_HEIGHT = 2.4  # of one pair of axes [inch]
 FORMS, DPI = ("svg", "pdf", "png"), 300
 REPORTED = ("friction_over_speed", "strength_over_rest")  # laws that stand in report.html
-LONGEST = 60  # characters of a name of a log in a picture
 TEXT, EDGE, TICK = "#2b333b", "#a9b3bc", "#56616b"
 STYLE: dict[str, object] = {
     "font.family": "sans-serif",
@@ -108,12 +107,6 @@ def padded(axes: Axes, values: Array, share: float = 0.08, above: float = 0.0) -
         low, high = float(finite.min()), float(finite.max())
         pad = share * (high - low) or max(abs(high), 1e-12) * 0.05
         axes.set_ylim(low - pad, high + pad + above * (high - low + 2 * pad))
-
-
-def printable(text: object) -> str:
-    """Text that any renderer takes: no control characters, at most LONGEST of them."""
-    kept = "".join(c if c.isprintable() else " " for c in str(text))
-    return kept if len(kept) <= LONGEST else kept[: LONGEST - 1] + "…"
 
 
 def svg_text(figure: Figure) -> str:

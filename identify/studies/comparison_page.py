@@ -24,7 +24,7 @@ from identify.base.table import Cell, OutputTable, Row, visible, workbook
 from identify.base.wording import DASH, Scale, decimals, number, scale_for, value_and_interval
 from identify.report.report_page import svg_element, templates
 from identify.report.report_wording import MEANINGS, VERDICT_MARK, plain_symbol
-from identify.report.style import WIDTHS, drawing_style, printable, svg_text
+from identify.report.style import WIDTHS, drawing_style, svg_text
 from identify.studies import compare as comparing
 from identify.studies.compare import PAGE, Comparison, FitEntry, PooledQuantity
 from identify.studies.pooled import DIFFERENT, NOT_DISTINGUISHED, NOT_TESTED, Difference
@@ -208,7 +208,7 @@ def forest(comparison: Comparison, entry: comparing.PooledQuantity) -> Markup:
             axes.plot(
                 [value], [y], "o", color=colour, markersize=4, markerfacecolor=colour if mean.interval else "white"
             )
-        axes.set_yticks([-k for k in range(len(groups))], [printable(visible(g, NAME)) for g in groups])
+        axes.set_yticks([-k for k in range(len(groups))], [visible(g, NAME) for g in groups])
         axes.set_ylim(-len(groups) + 0.4, 0.5)
         axes.set_xlabel(f"{plain_symbol(q.name)}{f' ({unit.unit})' if unit.unit else ''}")
         label = f"{q.name} by {comparison.question.by}: means with 95 % intervals, every fit as a small mark"
