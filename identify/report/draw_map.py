@@ -132,18 +132,18 @@ def map_figure(chart: Chart, part: str, others: Sequence[tuple[float, float]], t
     if part == "amplitude":  # the drop of the force covers the colours of what sticks
         _drop(figure, canvas)
         legend = list[Artist]()
-        _contours(canvas, sticks, "period", ("white", "0.25"))
+        title = _contours(canvas, sticks, "period", ("white", "0.25"))
     else:
         legend = _regions(canvas, sticks)
-        _contours(canvas, sticks, "peak_to_valley", ("0.45", "white"))
+        title = _contours(canvas, sticks, "peak_to_valley", ("0.45", "white"))
     for boundary, colour, words in (
         (chart.sticking, STICKS, "end of stick-slip"),
         (chart.unstable, SLIDES, "sliding loses stability"),
     ):
         lines = [axes.plot(*canvas.shown(points).T, color=colour, lw=1.3, zorder=3) for points in boundary.lines()]
         legend += [Line2D([], [], color=colour, lw=1.3, label=words)] if lines else []
-    if tested is not None:
-        legend.append(_tested(canvas, tested))
+    title += "" if tested is None else f"\n{_tested(canvas, tested)}"
+    axes.set_title(title.strip(), fontsize=FONT, fontweight="normal", pad=3)
     _legend(figure, legend + _points(canvas, others))
     return figure
 
@@ -171,24 +171,24 @@ def _regions(canvas: _Canvas, sticks: Path | None) -> list[Artist]:
 def _named_inside(canvas: _Canvas, word: str) -> bool:
     """Write the name of an outcome into its region, in one line or one word a line, where that has room for it."""
     colour, text = COLOURS[word], OUTCOMES[word]
-    cells = np.pad(canvas.chart.outcomes == word, 1)
+    cells = np.pad((canvas.chart.outcomes == word)[1:-1, 1:-1], 1)  # a name may reach the frame, not cross it
     for wrapped in (text, text.replace(" ", "\n")):
         height, width = LINE * (wrapped.count("\n") + 1), LETTER * max(map(len, wrapped.split("\n")))
         room = distance_transform_edt(cells, sampling=1.0 / (np.array(cells.shape) * (height, width)))
         row, column = np.unravel_index(int(np.argmax(room)), room.shape)
         if room[row, column] > 1.0:
             halo = [withStroke(linewidth=2.5, foreground=colour)]
-            place = {"x": canvas.x[column - 1], "y": canvas.y[row - 1], "ha": "center", "va": "center"}
+            place = {"x": canvas.x[column], "y": canvas.y[row], "ha": "center", "va": "center"}
             canvas.axes.text(s=wrapped, fontsize=FONT, path_effects=halo, zorder=2.5, **place)
             return True
     return False
 
 
-def _contours(canvas: _Canvas, inside: Path | None, name: str, colours: tuple[str, str]) -> None:
-    """Labelled contours of a quantity of the orbit, and what they are above the map; colours: of lines, of halos."""
+def _contours(canvas: _Canvas, inside: Path | None, name: str, colours: tuple[str, str]) -> str:
+    """Labelled contours of a quantity of the orbit; what they are, for above the map; colours: of lines, of halos."""
     values = canvas.chart.figures[name]
     if np.sum(np.isfinite(values)) < 4 or inside is None:
-        return
+        return ""
     unit, words = {"peak_to_valley": ("N", "force, peak to valley"), "period": ("s", "period")}[name]
     scale = scale_for(float(np.nanmedian(values)), unit)
     low, high = float(np.nanmin(values)) / scale.factor, float(np.nanmax(values)) / scale.factor
@@ -197,14 +197,14 @@ def _contours(canvas: _Canvas, inside: Path | None, name: str, colours: tuple[st
     levels = np.asarray(locator.tick_values(low, high))
     levels = levels[(levels > low) & (levels < high)]
     if not levels.size:
-        return
+        return ""
     drawn = (canvas.x, canvas.y, values / scale.factor)
     lines = canvas.axes.contour(*drawn, levels=levels, linewidths=0.6, zorder=2, colors=colours[0])
     lines.set_clip_path(PathPatch(inside, transform=canvas.axes.transData))
     for label in canvas.axes.clabel(lines, fmt=lambda v: number(v, 3), fontsize=FONT - 1.5, inline=False):
         label.set_path_effects([withStroke(linewidth=2.5, foreground=colours[1])])
         label.set_visible(bool(inside.contains_point(label.get_position())))
-    canvas.axes.set_title(f"lines: {words} ({scale.unit})", fontsize=FONT, fontweight="normal", pad=3)
+    return f"lines: {words} ({scale.unit})"
 
 
 def _drop(figure: Figure, canvas: _Canvas) -> None:
@@ -224,25 +224,19 @@ def _drop(figure: Figure, canvas: _Canvas) -> None:
         _ticks_in_powers(bar.ax.yaxis, narrow=False)
 
 
-def _tested(canvas: _Canvas, tested: Tested) -> Line2D:
-    """The frame of the tested range: what lies outside is most of many a map, and stays readable."""
+def _tested(canvas: _Canvas, tested: Tested) -> str:
+    """Draw the frame of the tested range, as what lies outside is most of many a map and stays readable; what it is."""
     plane, spans = canvas.chart.plane, []
     for q, values, factor in zip((plane.x, plane.y), (plane.x_values, plane.y_values), canvas.factors, strict=True):
         low, high = tested.reach(q.name) or (values[0], values[-1])
         if high < values[0] or low > values[-1]:
-            return Line2D([], [], ls="", label="extrapolated: nothing here was tested")
+            return "extrapolated: nothing here was tested"
         spans.append(np.clip([low, high], values[0], values[-1]) / factor)
     (x0, x1), (y0, y1) = spans
-    canvas.axes.plot(
-        [x0, x1, x1, x0, x0],
-        [y0, y0, y1, y1, y0],
-        color=TESTED,
-        lw=0.9,
-        ls="-.",
-        zorder=3.2,
-        path_effects=[withStroke(linewidth=2.0, foreground="white")],
-    )
-    return Line2D([], [], color=TESTED, lw=0.9, ls="-.", label="tested inside; beyond: extrapolated")
+    frame = [x0, x1, x1, x0, x0], [y0, y0, y1, y1, y0]
+    halo = [withStroke(linewidth=2.0, foreground="white")]
+    canvas.axes.plot(*frame, color=TESTED, lw=0.9, ls="-.", zorder=3.2, path_effects=halo)
+    return "dash-dotted: tested inside; beyond: extrapolated"
 
 
 def _points(canvas: _Canvas, points: Sequence[tuple[float, float]]) -> list[Artist]:

@@ -191,10 +191,7 @@ def _log(place: int, log: LogResult, converged: bool) -> dict[str, object]:
         "findings": [(finding.severity, finding.message) for finding in log.quality.findings],
         "left_out": log.reason_left_out or "",
         "corrections": [
-            (
-                "info",
-                c.text + (f" (standard error {quantity(error, c.unit, 2)})" if (error := c.standard_error) else ""),
-            )
+            ("info", c.text + f" (standard error {quantity(c.standard_error, c.unit, 2)})" * bool(c.standard_error))
             for c in log.corrections
         ],
     }
