@@ -21,7 +21,6 @@ from identify.diagnosis.effect_choice import choose_from_numbers
 from identify.prediction import maps, sources
 from identify.prediction.axes import Site, axis, known_axes
 from identify.prediction.cycles import check_calculable
-from identify.prediction.draws import OperatingPoint
 from identify.prediction.predict import NoAnswer, PointPrediction, predictions
 from identify.prediction.wording import ranges_text, shown
 from identify.report.report_wording import OUTCOMES
@@ -39,16 +38,12 @@ GRID, LINE = 60, 120  # nodes of a map along each of two quantities, and along o
 class PairAtPoint:
     """One operating point, and how well it is known.
 
-    site: model, every parameter [SI], drive speed [m/s], normal force [N] and the contact's nominal area under it;
-    covariance (f, f) of `names` (parameters, "drive_speed") [SI], None where it is unknown; groups: of the log, by what
-    the parameters of a fit differ by; refusal: why the fit has no values for it, empty where it has; origins: where the
-    values come from.
+    groups: of the log, by what the parameters of a fit differ by; refusal: why the fit has no values for it, empty
+    where it has; origins: where the values come from.
     """
 
     name: str
     site: Site
-    covariance: Array | None
-    names: tuple[str, ...]
     groups: sources.Groups = ()
     refusal: str = ""
     origins: sources.Origins = field(default_factory=sources.Origins)
@@ -57,11 +52,6 @@ class PairAtPoint:
     def title(self) -> str:
         """Its name, with its group where there are several."""
         return f"{self.name} ({sources.named(self.groups)})" if self.groups else self.name
-
-    @property
-    def at(self) -> OperatingPoint:
-        """The point as predictions take it."""
-        return OperatingPoint(self.site.values, self.site.drive_speed, self.site.normal_force, self.covariance)
 
     @property
     def setting(self) -> dict[str, float]:
@@ -152,9 +142,11 @@ def points_of(scene: Scene, result: Result | None, changes: Mapping[str, float] 
             points.append(
                 PairAtPoint(
                     name=entry.path.name if entry else "the rig of the scene",
-                    site=site,
-                    covariance=covariance[np.ix_(kept, kept)] if covariance is not None and kept else None,
-                    names=tuple(names[i] for i in kept),
+                    site=replace(
+                        site,
+                        covariance=covariance[np.ix_(kept, kept)] if covariance is not None and kept else None,
+                        names=tuple(names[i] for i in kept),
+                    ),
                     groups=pair.groups,
                     refusal=pair.refusal,
                     origins=sources.Origins(measured, elsewhere, tuple(guessed)),
@@ -201,7 +193,9 @@ def answers(arguments: Namespace, terminal: Terminal) -> Answer:
         raise CommandLineError("--data, --range and --points belong to a map; name its quantities: --map drive_speed")
     shown = _one_pair(points, "--plot") if plot else points
     documents = []
-    for point, prediction in zip(points, _predictions(points), strict=True):
+    answered = iter(predictions([point.site for point in points if not point.refusal]))
+    for point in points:
+        prediction = NoAnswer(f"no answer: {point.refusal}") if point.refusal else next(answered)
         terminal.say(f"{point.title}:")
         group = {"group": dict(point.groups)} if point.groups else {}
         document: dict[str, Json] = {"name": point.name, **group, **to_dict(prediction)}
@@ -211,7 +205,7 @@ def answers(arguments: Namespace, terminal: Terminal) -> Answer:
             # values that nobody measured make ranges, not one number
             texts = [ranges_text(prediction, part)] if origins.assumed else [own, prediction.closed_forms.text]
             if margin is not None:
-                advice = maps.stabilising_changes(point.site.model, point.at, tested, margin)
+                advice = maps.stabilising_changes(point.site, tested, margin)
                 document["advice"] = to_dict(advice)
                 texts.append(advice.text)
             if tested is not None and (beyond := tested.beyond(point.setting)):
@@ -227,20 +221,6 @@ def answers(arguments: Namespace, terminal: Terminal) -> Answer:
         terminal.say(f"plot: {plot}")
     whole: dict[str, Json] = {"status": "done", "assumed": list(origins.assumed), "points": documents}
     return Answer(document=whole if offered is None else whole | {"existing_result": str(offered)})
-
-
-def _predictions(points: Sequence[PairAtPoint]) -> list[PointPrediction | NoAnswer]:
-    """The answers at each point; points of one pair share what they have in common."""
-    answered: dict[int, PointPrediction | NoAnswer] = {}
-    for groups in {p.groups for p in points}:
-        mine = {i: p for i, p in enumerate(points) if p.groups == groups}
-        first = next(iter(mine.values()))
-        if first.refusal:
-            answered |= dict.fromkeys(mine, NoAnswer(f"no answer: {first.refusal}"))
-        else:
-            found = predictions(first.site.model, [p.at for p in mine.values()], first.names)
-            answered |= zip(mine, found, strict=True)
-    return [answered[i] for i in range(len(points))]
 
 
 def _around(name: str, points: Sequence[PairAtPoint]) -> tuple[float, float]:

@@ -26,7 +26,9 @@ AREA = ("contact_area", "area_force", "area_exponent")
 @dataclass(frozen=True)
 class Site:
     """An operating point: every parameter of the model by name [SI], drive speed [m/s] and normal force [N], both
-    positive; nominal contact area [m^2] under that force where it is known, and its exponent with the force."""
+    positive; nominal contact area [m^2] under that force where it is known, and its exponent with the force; covariance
+    (f, f) of `names` (parameters, "drive_speed", "normal_force") in their own SI units (not of logarithms; variances of
+    what is not identifiable may be huge or infinite), None where all is exact."""
 
     model: Model
     values: Mapping[str, float]
@@ -34,6 +36,8 @@ class Site:
     normal_force: float
     area: float | None = None
     area_exponent: float = 0.0
+    covariance: ArrayLike | None = None
+    names: tuple[str, ...] = ()
 
     @property
     def setting(self) -> Array:

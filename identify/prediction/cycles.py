@@ -251,7 +251,7 @@ class CycleBatch:
     @cached_property
     def limit(self) -> Array:
         """Durations (n,) [s] after which a mass that has not come to rest is taken to slide on."""
-        return slide_limits(self.model, self.settings, self.growth)
+        return slide_limits(self.model, self.settings, self.growth) if len(self.settings) else np.zeros(0)
 
     def _column(self, name: str) -> Array:
         return self.settings[:, self.model.parameter_names.index(name)]
@@ -337,13 +337,14 @@ class CycleBatch:
         note()
         for _ in range(BURSTS):
             taken = burst(self.model, HIGH)([each[active] for each in (z, bounds, constants, tolerances)])[0]
-            for trial in np.split(taken, HIGH.trials, axis=1)[0 if keep else -1 :]:
-                z[active] = trial
+            taken = taken.reshape(active.size, HIGH.trials, -1)
+            for trial in range(0 if keep else HIGH.trials - 1, HIGH.trials):
+                z[active] = taken[:, trial]
                 note()
             why = z[active, at.stop]
             refused[active[why == Stop.STUCK]] = True
             # What is met at the very beginning of a step is met there.
-            located, active = active[np.isin(why, (Stop.LOCATED, Stop.EVENT))], active[why == Stop.NOT_YET]
+            located, active = active[(why == Stop.LOCATED) | (why == Stop.EVENT)], active[why == Stop.NOT_YET]
             ends = z[located, at.ends]
             with np.errstate(all="ignore"):
                 away = np.abs(ends[:, :N_GUARDS] / ends[:, N_GUARDS:])
@@ -428,6 +429,8 @@ class CycleBatch:
 
     def figures(self, y: Array, longest: float = ROUGHLY) -> Array:
         """QUANTITIES (n, 9) of the cycles from y (n, n_y), NaN where the mass does not rest."""
+        if not len(y):
+            return np.empty((0, len(QUANTITIES)))
         cycles = self.run(y, longest)
         zero = np.zeros(len(self.settings))
         onset, arrest = (

@@ -6,16 +6,15 @@ as it may well be off: what moves with it is open, and what does not keeps its i
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from identify.base.result import Number
 from identify.model.model import Model
-from identify.prediction.axes import admissible
+from identify.prediction.axes import Site, admissible
 from identify.prediction.windows import QUANTILES
 from identify.prediction.wording import OPEN, listed
 
@@ -31,66 +30,47 @@ POINT = ("drive_speed", "normal_force")  # what a covariance may name beside the
 
 
 @dataclass(frozen=True)
-class OperatingPoint:
-    """Where a prediction is taken: every parameter of the model by name [SI], drive speed [m/s] (sign irrelevant, not
-    zero), normal force [N] (positive), covariance (f, f) of the fitted parameters in their own SI units (not of
-    logarithms; variances of what is not identifiable may be huge or infinite), None without one."""
-
-    values: Mapping[str, float]
-    drive_speed: float
-    normal_force: float
-    covariance: ArrayLike | None = None
-
-
-@dataclass(frozen=True)
 class Draws:
     """Draws of an operating point, and the point moved both ways along every open direction.
 
     settings (n + 2 d, n_w): parameters in the model's order, normal force [N], drive speed [m/s]; the n draws first,
     then for each of the d open directions the point moved forwards and back. refused: draws that no pair can have
-    (kinetic friction lost, or above the static). names: what is uncertain. open: parameters of each open direction.
+    (kinetic friction lost, or above the static). open: parameters of each open direction.
     """
 
     model: Model
     settings: Array
     count: int
     refused: int
-    names: tuple[str, ...]
     open: tuple[tuple[str, ...], ...]
 
     @staticmethod
-    def of(
-        model: Model,
-        values: Mapping[str, float],
-        names: Sequence[str],
-        covariance: ArrayLike,
-        count: int = DRAWS,
-        seed: int = 0,
-    ) -> Draws:
-        """Draws from a covariance (f, f) [SI] of `names` among the values [SI] of every parameter, "drive_speed" and
-        "normal_force".
+    def of(site: Site, count: int = DRAWS, seed: int = 0) -> Draws:
+        """Draws of an operating point with a covariance.
 
         What is searched by its logarithm (speed and load too) is drawn in it, the rest in its value.
         """
-        centre = np.array([values[name] for name in names], dtype=float)
+        model, names = site.model, site.names
+        places = [(*model.parameter_names, *reversed(POINT)).index(name) for name in names]
+        centre = site.setting[places]
         by_log = np.array([name in POINT or model.parameter(name).scale == "log" for name in names]) & (centre > 0.0)
         spreads = [0.0 if name in POINT else model.parameter(name).spread for name in names]
         sizes = np.where(by_log, np.abs(centre), np.maximum(np.abs(centre), spreads))
         sizes = np.where(sizes > 0.0, sizes, 1.0)
-        scaled = np.asarray(covariance, float) / np.outer(sizes, sizes)
+        scaled = np.asarray(site.covariance, float) / np.outer(sizes, sizes)
         known = np.isfinite(np.diag(scaled)) & (np.diag(scaled) >= 0.0)
         known &= np.all(np.isfinite(scaled) | ~(known[:, None] & known), axis=0)
         scaled = np.where(np.outer(known, known), scaled, 0.0)
         variances, directions = np.linalg.eigh(0.5 * (scaled + scaled.T))
         sd = np.sqrt(np.maximum(variances, 0.0))
         open_ = [*directions.T[sd >= WIDEST], *np.eye(len(names))[~known]]
-        order = (*model.parameter_names, *reversed(POINT))
 
         def settings_of(steps: Array) -> Array:
-            shifted = np.where(by_log, centre * np.exp(np.where(by_log, steps, 0.0)), centre + sizes * steps)
-            columns = {name: np.full(len(steps), float(value)) for name, value in values.items()}
-            columns |= dict(zip(names, shifted.T, strict=True))
-            return np.stack([columns[name] for name in order], axis=1)
+            settings = np.tile(site.setting, (len(steps), 1))
+            settings[:, places] = np.where(
+                by_log, centre * np.exp(np.where(by_log, steps, 0.0)), centre + sizes * steps
+            )
+            return settings
 
         # A shifted additive recurrence with the generalised golden ratio (Roberts 2018): quantiles settle on far fewer
         # of its points than of independent ones.
@@ -109,7 +89,7 @@ class Draws:
             for each in open_
         )
         settings = np.concatenate([drawn, settings_of(probes)])
-        return Draws(model, settings, len(drawn), count - len(drawn), tuple(names), blamed)
+        return Draws(model, settings, len(drawn), count - len(drawn), blamed)
 
     def column(self, name: str) -> Array:
         """Values (n + 2 d,) of a parameter, "normal_force" or "drive_speed"."""

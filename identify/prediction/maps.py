@@ -19,10 +19,9 @@ from identify.base.wording import range_text
 from identify.model.model import Model
 from identify.prediction.axes import Axis, Site, admissible, axis, check_axes, known_axes, moved
 from identify.prediction.cycles import QUANTITIES, CycleBatch, check_calculable
-from identify.prediction.draws import OperatingPoint
-from identify.prediction.predict import number, site_at
+from identify.prediction.predict import check_site, number
 from identify.prediction.sources import Tested
-from identify.prediction.windows import COARSE, FINE, Border, Survey, outcome_of
+from identify.prediction.windows import COARSE, FINE, Border, Survey, outcome_of, rows_of
 from identify.prediction.wording import shown
 from identify.scene import Scene
 from identify.simulation.sliding import slidings
@@ -213,8 +212,7 @@ class Chart:
         """What a survey of a grid found."""
         motions, growth = survey.motions, survey.batch.growth
         rows = np.full((growth.size, len(QUANTITIES)), np.nan)
-        if np.any(motions.periodic):
-            rows[motions.periodic] = survey.batch.take(motions.periodic).figures(motions.y[motions.periodic])
+        rows[motions.periodic] = survey.batch.take(motions.periodic).figures(motions.y[motions.periodic])
         answers = zip(motions.refused & ~motions.sticks, motions.periodic, motions.sticks, growth < 0.0, strict=True)
         words = [NO_ANSWER if refused else outcome_of(*answer).value for refused, *answer in answers]
         outcomes = np.full(grid.shape, NOT_ADMITTED, dtype="<U20")
@@ -384,9 +382,7 @@ class StabilisingAdvice:
     text: str
 
 
-def stabilising_changes(
-    model: Model, point: OperatingPoint, tested: Tested | None = None, margin: float = MARGIN
-) -> StabilisingAdvice:
+def stabilising_changes(site: Site, tested: Tested | None = None, margin: float = MARGIN) -> StabilisingAdvice:
     """What to change so that sliding is steady at an operating point.
 
     Args:
@@ -399,7 +395,8 @@ def stabilising_changes(
     Raises:
         SimulationError: a model or an operating point without an answer.
     """
-    site = site_at(model, point)
+    check_site(site)
+    model = site.model
     if not admissible(model, site.setting):
         raise SimulationError(
             "the values at this point are none that the model takes: mu_s above mu_k0, and friction that stays "
@@ -426,12 +423,13 @@ def _change(site: Site, q: Axis, tested: Tested | None, margin: float) -> Change
     below, above = (int(abs(np.log(end / q.value)) / np.log(STEP) + 1e-9) for end in (low, high))
 
     def settings_at(powers: Array) -> Array:
-        return moved(site, {q.name: q.value * STEP ** powers[:, 0]})
+        return moved(site, {q.name: q.value * STEP**powers})
 
     powers = np.arange(-below, above + 1.0)
-    bad = powers[~admissible(site.model, settings_at(powers[:, None]))]
+    bad = powers[~admissible(site.model, settings_at(powers))]
     powers = powers[(powers > max(bad[bad < 0], default=-np.inf)) & (powers < min(bad[bad > 0], default=np.inf))]
-    survey = Survey.of(site.model, powers[:, None], settings_at)
+    places, sides = rows_of([powers])
+    survey = Survey.of(site.model, places, lambda places: settings_at(places[:, 1]), sides)
     steady = (survey.batch.growth < 0.0) & ~survey.motions.sticks
     now_steady, now = bool(steady[powers == 0][0]), number(q.value, unit, "")
     limit, advised, at, kind, reason = None, None, None, "", ""
@@ -445,7 +443,7 @@ def _change(site: Site, q: Axis, tested: Tested | None, margin: float) -> Change
         edge = np.sort([far, far - np.sign(far)]) - powers[0]
         borders = ((survey.ends(FINE), "end of stick-slip"), (survey.losses(), "loss of stability"))
         turns = [
-            (float(border.places[k, 0]), words)
+            (float(border.places[k, 1]), words)
             for border, words in borders
             for k in np.flatnonzero(np.all(np.sort(border.nodes, axis=1) == edge, axis=1)).tolist()
         ]

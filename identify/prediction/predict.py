@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,7 +16,7 @@ from identify.model.model import Model
 from identify.prediction.axes import Site
 from identify.prediction.closed_forms import CYCLE, MEANING, beyond, closed_forms, judged
 from identify.prediction.cycles import CLOSELY, QUANTITIES, CycleBatch, Motions, check_calculable
-from identify.prediction.draws import DRAWS, POINT, Draws, OperatingPoint
+from identify.prediction.draws import DRAWS, POINT, Draws
 from identify.prediction.windows import (
     ROUGH,
     Outcome,
@@ -140,100 +139,122 @@ class SolutionSet:
     windows: Windows
 
 
-def solution_set(model: Model, w: Array) -> SolutionSet:
-    """The answer at a setting w (n_w,), and at all other drive speeds.
+def solution_sets(model: Model, settings: Array) -> list[SolutionSet]:
+    """The answers at settings (k, n_w), and at all other drive speeds.
 
     Raises:
-        SimulationError: the motion cannot be integrated, or there is no steady sliding.
+        SimulationError: a motion cannot be integrated, or there is no steady sliding.
     """
-    drive_speed, (steady,), batch = float(w[-1]), slidings(model, w), CycleBatch(model, w[None])
+    batch, steady, windows = CycleBatch(model, settings), slidings(model, settings), speed_windows(model, settings)
 
-    def settled(windows: Windows) -> Motions:
-        """From a rested contact, else from the nearest stick-slip of the windows."""
-        motions, near = batch.settle(batch.rested()), windows.near(drive_speed)
-        return motions if motions.sticks[0] or near is None else batch.settle(near[None])
+    def settled() -> tuple[Motions, list[Array | None]]:
+        """From a rested contact, else from the stick-slip of the windows that is nearest; and that."""
+        motions, near = (
+            batch.settle(batch.rested()),
+            [each.near(w[-1]) for each, w in zip(windows, settings, strict=True)],
+        )
+        begun = {i: y for i, y in enumerate(near) if y is not None and not motions.sticks[i]}
+        if begun:
+            motions.update(np.array([*begun]), batch.take(np.array([*begun])).settle(np.array([*begun.values()])))
+        return motions, near
 
-    windows = speed_windows(model, w)
-    motions, (low, high) = settled(windows), windows.searched
-    if bool(motions.sticks[0]) != (windows.near(drive_speed) is not None) or not low <= drive_speed <= high:
-        # A window narrower than the grid, or a speed at the very edge of one: this speed is a node then.
-        windows = speed_windows(model, w, (drive_speed,))
-        motions = settled(windows)
-    sticks, y = bool(motions.sticks[0]), motions.y[0]
-    figures = batch.figures(y[None], CLOSELY)[0] if motions.periodic[0] else None
-    outcome = outcome_of(figures is not None, sticks, steady.stable)
-    return SolutionSet(outcome, figures, y if sticks else None, steady, windows)
+    motions, near = settled()
+    for i, (y, found, speed) in enumerate(zip(near, windows, settings[:, -1].tolist(), strict=True)):
+        if bool(motions.sticks[i]) != (y is not None) or not found.searched[0] <= speed <= found.searched[1]:
+            # A window narrower than the grid, or a speed at the very edge of one: this speed is a node then.
+            (windows[i],) = speed_windows(model, settings[i : i + 1], (speed,))
+            motions = settled()[0]
+    figures = iter(batch.take(motions.periodic).figures(motions.y[motions.periodic], CLOSELY))
+    out = []
+    for i, state in enumerate(steady):
+        sticks, row = bool(motions.sticks[i]), next(figures) if motions.periodic[i] else None
+        outcome = outcome_of(row is not None, sticks, state.stable)
+        out.append(SolutionSet(outcome, row, motions.y[i] if sticks else None, state, windows[i]))
+    return out
+
+
+def drawn_numbers(draws: Sequence[Draws], answers: Sequence[SolutionSet]) -> list[dict[str, Array]]:
+    """Numbers (rows,) by name of the draws of some points of one model around their answers: of the jumps, NaN without
+    an orbit; closed forms and groups; of sliding."""
+    if not draws:
+        return []
+    model, settings = draws[0].model, np.concatenate([each.settings for each in draws])
+    batch, counts = CycleBatch(model, settings), [len(each.settings) for each in draws]
+    # From the stick-slip of the point itself, else from a rested contact.
+    rested = batch.rested()
+    own = np.repeat([rested[0] if answer.y is None else answer.y for answer in answers], counts, axis=0)
+    motions = batch.settle(own)
+    left = np.flatnonzero(~motions.sticks & np.any(own != rested, axis=1))
+    motions.update(left, batch.take(left).settle(rested[left]))
+    rows = np.full((len(settings), len(QUANTITIES)), np.nan)
+    rows[motions.periodic] = batch.take(motions.periodic).figures(motions.y[motions.periodic])
+    values = dict(zip((*model.parameter_names, "normal_force", "drive_speed"), settings.T, strict=True))
+    forms = closed_forms(values)
+    columns = _jumps(rows, values) | {f"closed {name}": q for name, q in {**forms.groups, **forms.numbers}.items()}
+    columns["friction_force"] = np.array([state.force for state in slidings(model, settings)])
+    columns["growth_rate"] = batch.growth
+    parts = zip(*(np.split(column, np.cumsum(counts)[:-1]) for column in columns.values()), strict=True)
+    return [dict(zip(columns, part, strict=True)) for part in parts]
+
+
+def drawn_ends(asked: Sequence[tuple[Draws, SpeedRange, bool]]) -> list[Array]:
+    """Ends (rows,) of ranges with stick-slip, the upper or the lower, for the rows of draws of one model, over that of
+    the estimate; NaN where none is found.
+
+    They are sought in LOCATED of the draws and in the moved points. Of the other draws they are the regression on their
+    settings, with the residuals of those in turn: what it costs is to close in on ends, where motions settle late.
+    """
+    if not asked:
+        return []
+    sought = [np.delete(np.arange(len(draws.settings)), np.arange(LOCATED, draws.count)) for draws, *_ in asked]
+    settings = np.concatenate([draws.settings[rows] for (draws, *_), rows in zip(asked, sought, strict=True)])
+    of, uppers = np.repeat(np.arange(len(asked)), [len(rows) for rows in sought]), [upper for *_, upper in asked]
+    model, first = asked[0][0].model, np.array([draws.settings[0] for draws, *_ in asked])
+    states = np.array([part.states[-1 if upper else 0] for _, part, upper in asked])
+    speeds = np.log(np.array([part.end(upper) for _, part, upper in asked], dtype=float))
+
+    def at(rows: NDArray[np.intp], logarithms: Array) -> Array:
+        return np.column_stack([settings[rows, :-1], np.exp(logarithms)])
+
+    test = StickTest(model, at, states[of], CycleBatch(model, first).scale[of], rested=True)
+    ends = locate(test, speeds[of], np.where(uppers, 1.0, -1.0)[of], ROUGH)
+    parts = zip(asked, sought, speeds.tolist(), strict=True)
+    return [
+        np.exp(_completed(draws, rows, ends[of == i]) - speed) for i, ((draws, *_), rows, speed) in enumerate(parts)
+    ]
+
+
+def _completed(draws: Draws, sought: NDArray[np.intp], found: Array) -> Array:
+    """Of all rows, from what was found in those that were sought."""
+    count, ends = draws.count, np.full(len(draws.settings), np.nan)
+    ends[sought] = found
+    known = np.flatnonzero(np.isfinite(ends[:LOCATED]))
+    if count > LOCATED and known.size:
+        varied = draws.settings[:count, np.ptp(draws.settings[:count], axis=0) > 0.0]
+        design = np.column_stack([np.ones(count), (varied - varied.mean(axis=0)) / varied.std(axis=0)])
+        weights = np.linalg.lstsq(design[known], ends[known], rcond=None)[0]
+        residuals = ends[:LOCATED] - design[:LOCATED] @ weights
+        residuals *= np.sqrt(known.size / max(known.size - len(weights), 1))
+        others = np.arange(LOCATED, count)
+        ends[others] = design[others] @ weights + residuals[others % LOCATED]
+    return ends
 
 
 @dataclass(frozen=True, eq=False)
-class DrawAnswers:
-    """What the rows of `Draws` do around an answer; each is computed when it is first needed."""
+class DrawnAnswers:
+    """The draws of a point, and their numbers (rows,) by name."""
 
     draws: Draws
-    answer: SolutionSet
-
-    @cached_property
-    def batch(self) -> CycleBatch:
-        """The settings of all rows."""
-        return CycleBatch(self.draws.model, self.draws.settings)
-
-    @cached_property
-    def motions(self) -> Motions:
-        """From the stick-slip of the point itself, else from a rested contact."""
-        y, batch = self.answer.y, self.batch
-        motions = batch.settle(batch.rested() if y is None else np.tile(y, (len(self.draws.settings), 1)))
-        left = np.flatnonzero(~motions.sticks)
-        if y is not None and left.size:
-            motions.update(left, batch.take(left).settle(batch.take(left).rested()))
-        return motions
-
-    @cached_property
-    def numbers(self) -> Mapping[str, Array]:
-        """Numbers (rows,) by name: of the jumps, NaN without an orbit; closed forms and groups; of sliding."""
-        rows, settles = np.full((len(self.draws.settings), len(QUANTITIES)), np.nan), self.motions.periodic
-        if np.any(settles):
-            rows[settles] = self.batch.take(settles).figures(self.motions.y[settles])
-        names = (*self.draws.model.parameter_names, "normal_force", "drive_speed")
-        values = dict(zip(names, self.draws.settings.T, strict=True))
-        forms = closed_forms(values)
-        force = np.array([state.force for state in slidings(self.draws.model, self.draws.settings)])
-        formed = {f"closed {name}": column for name, column in {**forms.groups, **forms.numbers}.items()}
-        return {**_jumps(rows, values), **formed, "friction_force": force}
-
-    def limit(self, part: SpeedRange, upper: bool) -> Array:
-        """The upper or lower end (rows,) [m/s] of a range with stick-slip, NaN where none is found.
-
-        It is sought in LOCATED of the draws and in the moved points. Of the other draws it is the regression on their
-        settings, with the residuals of those in turn: what it costs is to close in on ends, where motions settle late.
-        """
-        settings, speed, count = self.draws.settings, part.high if upper else part.low, self.draws.count
-        assert speed is not None
-        sought = np.delete(np.arange(len(settings)), np.arange(LOCATED, count))
-
-        def at(rows: NDArray[np.intp], logarithms: Array) -> Array:
-            return np.column_stack([settings[sought[rows], :-1], np.exp(logarithms)])
-
-        start = part.states[-1 if upper else 0], self.batch.scale[0]
-        test = StickTest(self.draws.model, at, *(np.tile(each, (sought.size, 1)) for each in start), rested=True)
-        ends = np.full(len(settings), np.nan)
-        ends[sought] = locate(test, np.full(sought.size, np.log(speed)), 1.0 if upper else -1.0, ROUGH)
-        known = np.flatnonzero(np.isfinite(ends[:LOCATED]))
-        if count > LOCATED and known.size:
-            varied = settings[:count, np.ptp(settings[:count], axis=0) > 0.0]
-            design = np.column_stack([np.ones(count), (varied - varied.mean(axis=0)) / varied.std(axis=0)])
-            weights = np.linalg.lstsq(design[known], ends[known], rcond=None)[0]
-            residuals = ends[:LOCATED] - design[:LOCATED] @ weights
-            residuals *= np.sqrt(known.size / max(known.size - len(weights), 1))
-            others = np.arange(LOCATED, count)
-            ends[others] = design[others] @ weights + residuals[others % LOCATED]
-        return np.exp(ends)
+    columns: Mapping[str, Array]
 
 
-def _number(drawn: DrawAnswers | None, value: float | None, unit: str, validity: str, name: str) -> Number:
-    """One of the numbers, with its interval where there are draws."""
+def _number(
+    drawn: DrawnAnswers | None, value: float | None, unit: str, validity: str, name: str, size: float = 0.0
+) -> Number:
+    """One of the numbers, with its interval where there are draws; size: see `Draws.number`."""
     if drawn is None or value is None or not np.isfinite(value):
         return number(value, unit, validity)
-    return drawn.draws.number(value, unit, validity, drawn.numbers[name])
+    return drawn.draws.number(value, unit, validity, drawn.columns[name], size)
 
 
 def _jumps(rows: Array, values: Mapping[str, float | Array]) -> dict[str, Array]:
@@ -252,14 +273,13 @@ def predict(
     drive_speed: float,
     normal_force: float,
     covariance: ArrayLike | None = None,
-    names: Sequence[str] | None = None,
+    names: Sequence[str] = (),
     draws: int = DRAWS,
 ) -> PointPrediction:
     """What follows from a pair and a rig at one drive speed and normal force.
 
     Args:
-        values, drive_speed, normal_force, covariance: as in `OperatingPoint`.
-        names: what the covariance is of: parameters, "drive_speed", "normal_force".
+        values, drive_speed, normal_force, covariance, names: as in `Site`.
         draws: from the covariance, for intervals.
 
     Returns:
@@ -270,91 +290,100 @@ def predict(
     Raises:
         SimulationError: an operating point without meaning, or a motion that cannot be integrated.
     """
-    return _prediction(model, OperatingPoint(values, drive_speed, normal_force, covariance), names or (), draws, {})
+    site = Site(model, values, drive_speed, normal_force, covariance=covariance, names=tuple(names))
+    return _predicted([site], draws)[0]
 
 
-def predictions(
-    model: Model, points: Sequence[OperatingPoint], names: Sequence[str], draws: int = DRAWS
-) -> list[PointPrediction | NoAnswer]:
-    """The predictions of several operating points, sharing what they have in common: see `predict`.
+def predictions(points: Sequence[Site], draws: int = DRAWS) -> list[PointPrediction | NoAnswer]:
+    """The predictions of several operating points of one model, in one batch: see `predict`.
 
     A point without an answer says why; the others are not held up by it.
     """
-    shared: dict[tuple[object, ...], Array] = {}
-    out: list[PointPrediction | NoAnswer] = []
-    for point in points:
-        try:
-            out.append(_prediction(model, point, names, draws, shared))
-        except SimulationError as error:
-            out.append(NoAnswer(f"no answer for this operating point: {error}"))
-    return out
+    try:
+        return list(_predicted(points, draws))
+    except SimulationError as error:
+        if len(points) == 1:
+            return [NoAnswer(f"no answer for this operating point: {error}")]
+    return [answer for point in points for answer in predictions([point], draws)]
 
 
-def site_at(model: Model, point: OperatingPoint) -> Site:
-    """The site of an operating point.
+def check_site(site: Site) -> None:
+    """Refuse an operating point without an answer.
 
     Raises:
-        SimulationError: a model without an answer, a speed or a load without meaning.
+        SimulationError: the model has no cycle, a speed, a load or a covariance without meaning.
     """
-    check_calculable(model)
-    speed, load = abs(float(point.drive_speed)), float(point.normal_force)
-    if not (0.0 < speed < np.inf and 0.0 < load < np.inf):
+    check_calculable(site.model)
+    if not (0.0 < abs(site.drive_speed) < np.inf and 0.0 < site.normal_force < np.inf):
         raise SimulationError(
-            f"the operating point is {point.drive_speed:g} m/s and {load:g} N; expected a drive speed that is not "
-            "zero and a positive normal force: give both"
+            f"the operating point is {site.drive_speed:g} m/s and {site.normal_force:g} N; expected a drive speed that "
+            "is not zero and a positive normal force: give both"
         )
-    return Site(model, {name: float(point.values[name]) for name in model.parameter_names}, speed, load)
-
-
-def _prediction(
-    model: Model,
-    point: OperatingPoint,
-    names: Sequence[str],
-    draws: int,
-    shared: dict[tuple[object, ...], Array],
-) -> PointPrediction:
-    """shared: ends of stick-slip of draws over that of the estimate, of points of one pair."""
-    site = site_at(model, point)
-    unknown = [n for n in names if n not in model.parameter_names and n not in POINT]
+    unknown = [n for n in site.names if n not in site.model.parameter_names and n not in POINT]
     if unknown:
-        raise SimulationError(f"the covariance names {unknown[0]!r}; the model has {', '.join(model.parameter_names)}")
-    speed, load = site.drive_speed, site.normal_force
-    answer = solution_set(model, site.setting)
-    values = {**site.values, "drive_speed": speed, "normal_force": load}
-    drawn = None
-    if point.covariance is not None and names:
-        drawn = DrawAnswers(Draws.of(model, values, names, point.covariance, draws), answer)
+        known = ", ".join(site.model.parameter_names)
+        raise SimulationError(f"the covariance names {unknown[0]!r}; the model has {known}")
 
-    def of_model(value: float | None, unit: str, name: str) -> Number:
-        return _number(drawn, value, unit, MODEL, name)
 
-    def limit(part: SpeedRange, upper: bool) -> Number | None:
-        end = part.high if upper else part.low
+def _predicted(points: Sequence[Site], draws: int) -> list[PointPrediction]:
+    """The predictions, or the first error."""
+    for site in points:
+        check_site(site)
+    points = [replace(site, drive_speed=abs(site.drive_speed)) for site in points]
+    answers = solution_sets(points[0].model, np.array([site.setting for site in points]))
+    return [_prediction(*each) for each in zip(points, answers, _drawn(points, answers, draws), strict=True)]
+
+
+def _drawn(points: Sequence[Site], answers: Sequence[SolutionSet], count: int) -> list[DrawnAnswers | None]:
+    """What the draws of each point do, None of one that is known exactly.
+
+    Ends of stick-slip over that of the estimate are shared by points of one pair under nearly the same load.
+    """
+    uncertain = [i for i, site in enumerate(points) if site.covariance is not None and site.names]
+    drawn = {i: Draws.of(points[i], count) for i in uncertain}
+    columns = dict(zip(drawn, drawn_numbers([*drawn.values()], [answers[i] for i in drawn]), strict=True))
+    ranges = [(i, place, part) for i in drawn for place, part in enumerate(answers[i].windows.sticking)]
+    limits = [(i, place, upper, part) for i, place, part in ranges for upper in (False, True) if part.end(upper)]
+
+    def key(i: int, place: int, upper: bool) -> tuple[object, ...]:
+        site = points[i]
+        known = site.setting[:-2].tobytes(), np.asarray(site.covariance).tobytes(), site.names
+        return place, upper, round(np.log(site.normal_force) / ALIKE), known
+
+    asked = {key(i, place, upper): (drawn[i], part, upper) for i, place, upper, part in reversed(limits)}
+    shares = dict(zip(asked, drawn_ends([*asked.values()]), strict=True))
+    for i, place, upper, _ in limits:
+        columns[i][f"end {place} {upper}"] = shares[key(i, place, upper)]
+    return [DrawnAnswers(drawn[i], columns[i]) if i in drawn else None for i in range(len(points))]
+
+
+def _prediction(site: Site, answer: SolutionSet, drawn: DrawnAnswers | None) -> PointPrediction:
+    values = {**site.values, "drive_speed": site.drive_speed, "normal_force": site.normal_force}
+
+    def of_model(value: float | None, unit: str, name: str, size: float = 0.0) -> Number:
+        return _number(drawn, value, unit, MODEL, name, size)
+
+    def limit(place: int, part: SpeedRange, upper: bool) -> Number | None:
+        end = part.end(upper)
         if end is None or drawn is None:
             return None if end is None else number(end, "m/s", MODEL)
-        place = answer.windows.sticking.index(part)
-        key = (place, upper, round(np.log(load) / ALIKE), site.setting[:-2].tobytes(), str(point.covariance))
-        if key not in shared:
-            shared[key] = drawn.limit(part, upper) / end
-        return drawn.draws.number(end, "m/s", MODEL, shared[key] * end)
+        return drawn.draws.number(end, "m/s", MODEL, end * drawn.columns[f"end {place} {upper}"])
 
     steady, windows, figures = answer.steady, answer.windows, answer.figures
-    between = tuple(StickSlipRange(limit(part, False), limit(part, True)) for part in windows.sticking)
+    ranges = enumerate(windows.sticking)
+    between = tuple(StickSlipRange(limit(i, part, False), limit(i, part, True)) for i, part in ranges)
     fastest = shown(windows.searched[1], "m/s")
     if between:
         no_end = f"stick-slip still exists at {fastest}, the highest speed tried"
     else:
         no_end = f"no stick-slip was found at any drive speed from {range_text(*windows.searched, 'm/s')}"
-    growth = number(steady.growth, "1/s", MODEL)
-    if drawn is not None:
-        natural = float(np.sqrt(site.values["stiffness"] / site.values["mass"]))
-        growth = drawn.draws.number(steady.growth, "1/s", MODEL, drawn.batch.growth, QUIET * natural)
+    natural = float(np.sqrt(site.values["stiffness"] / site.values["mass"]))
     stability = StabilityAnswer(
         outcome=answer.outcome.value,
         critical_speed=(between[-1].high if between else None) or number(None, "m/s", no_end),
         sliding=SlidingAnswer(
             stable=steady.stable,
-            growth_rate=growth,
+            growth_rate=of_model(steady.growth, "1/s", "growth_rate", QUIET * natural),
             friction_force=of_model(steady.force, "N", "friction_force"),
             eigenvalues=tuple((float(z.real), float(z.imag)) for z in steady.eigenvalues),
             renewed=steady.renewed,
@@ -372,8 +401,8 @@ def _prediction(
         now = {name: float(row[0]) for name, row in _jumps(figures[None], values).items()}
         amplitude, peak = {name: of_model(now[name], unit, name) for name, unit in SHOWN.items()}, now["a_V_max"]
     validity = replace(of_model(peak, "", "a_V_max"), validity="the closed forms of a slip need this to be far below 1")
-    groups, forms = _closed_forms(model, values, amplitude, windows.end, validity, drawn)
-    at = {"drive_speed": number(speed, "m/s", ""), "normal_force": number(load, "N", "")}
+    groups, forms = _closed_forms(site.model, values, amplitude, windows.end, validity, drawn)
+    at = {name: number(values[name], unit, "") for name, unit in (("drive_speed", "m/s"), ("normal_force", "N"))}
     prediction = PointPrediction(at, stability, AmplitudeAnswer(amplitude), groups, forms)
     texts = stability_text(prediction), amplitude_text(prediction), closed_form_text(prediction)
     return replace(
@@ -391,7 +420,7 @@ def _closed_forms(
     amplitude: Mapping[str, Number],
     end: float | None,
     validity: Number,
-    drawn: DrawAnswers | None,
+    drawn: DrawnAnswers | None,
 ) -> tuple[dict[str, Number], ClosedFormsAnswer]:
     """The groups, and the closed forms, each beside what the nonlinear model has."""
 

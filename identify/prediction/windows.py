@@ -65,23 +65,20 @@ class Survey:
     motions: Motions
 
     @staticmethod
-    def of(model: Model, places: Array, settings_at: Callable[[Array], Array], sides: Sequence[Rows] = ()) -> Survey:
+    def of(model: Model, places: Array, settings_at: Callable[[Array], Array], sides: Sequence[Rows]) -> Survey:
         """Settle motions from a rested contact, from one that is almost renewed (small stick-slip may be out of reach
-        from a rested one), and from the stick-slip of the nodes beside. Without sides the nodes are a row."""
-        sides = sides or _in_a_row(len(places))
+        from a rested one), and from the stick-slip of the nodes beside."""
         batch = CycleBatch(model, settings_at(places))
         motions = batch.settle(batch.rested())
         left = np.flatnonzero(~motions.sticks)
-        if left.size:
-            motions.update(left, batch.take(left).settle(batch.take(left).renewed()))
+        motions.update(left, batch.take(left).settle(batch.take(left).renewed()))
         fresh = motions.sticks.copy()
         while np.any(fresh):
             before = motions.sticks.copy()
             for source, rows in (side.T[order] for side in sides for order in ([0, 1], [1, 0])):
                 new = fresh[source] & ~motions.sticks[rows]
-                if np.any(new):
-                    near, part = source[new], batch.take(rows[new])
-                    motions.update(rows[new], part.settle(motions.y[near] * part.scale / batch.scale[near]))
+                near, part = source[new], batch.take(rows[new])
+                motions.update(rows[new], part.settle(motions.y[near] * part.scale / batch.scale[near]))
             fresh = motions.sticks & ~before
         return Survey(model, places, settings_at, sides, batch, motions)
 
@@ -111,18 +108,9 @@ class Survey:
         return nodes, at
 
     def _closed_in(self, holds: Holds, nodes: Rows, rounds: int) -> Array:
-        inside, outside = np.zeros(len(nodes)), np.ones(len(nodes))
-        for _ in range(rounds if len(nodes) else 0):
-            middle = 0.5 * (inside + outside)
-            now = holds(np.arange(len(nodes)), middle)
-            inside, outside = np.where(now, middle, inside), np.where(now, outside, middle)
-        share = 0.5 * (inside + outside)[:, None]
+        count = len(nodes)
+        share = _halved(holds, np.arange(count), np.zeros(count), np.ones(count), rounds)[:, None]
         return np.asarray((1.0 - share) * self.places[nodes[:, 0]] + share * self.places[nodes[:, 1]])
-
-
-def _in_a_row(count: int) -> list[Rows]:
-    """The sides of a grid of one direction."""
-    return [np.stack([np.arange(count - 1), np.arange(1, count)], axis=1)]
 
 
 class StickTest:
@@ -142,17 +130,16 @@ class StickTest:
         batch = CycleBatch(self._model, self._at(rows, places))
         motions = batch.settle(self.shares[rows] * batch.scale)
         left = np.flatnonzero(~motions.sticks & self._strange[rows])
-        if left.size:
-            motions.update(left, batch.take(left).settle(batch.take(left).rested()))
+        motions.update(left, batch.take(left).settle(batch.take(left).rested()))
         stuck = motions.sticks
         self._strange[rows[stuck]] = False
         self.shares[rows[stuck]] = (motions.y / batch.scale)[stuck]
         return stuck
 
 
-def locate(holds: Holds, expected: Array, ahead: float, rounds: int) -> Array:
-    """Places (n,) at which something ends that holds before them in the direction `ahead` (1 or -1), NaN where there
-    is none near to what is expected (n,)."""
+def locate(holds: Holds, expected: Array, ahead: Array, rounds: int) -> Array:
+    """Places (n,) at which something ends that holds before them in the directions `ahead` (n,) (1 or -1), NaN where
+    there is none near to what is expected (n,)."""
     place, inside, outside = expected.copy(), np.full(expected.size, np.nan), np.full(expected.size, np.nan)
     step = FIRST
     for turn in range(DOUBLINGS + 1):
@@ -161,13 +148,19 @@ def locate(holds: Holds, expected: Array, ahead: float, rounds: int) -> Array:
             break
         now = holds(rows, place[rows])
         inside[rows[now]], outside[rows[~now]] = place[rows[now]], place[rows[~now]]
-        place[rows] += np.where(now, ahead, -ahead) * step
+        place[rows] += np.where(now, ahead[rows], -ahead[rows]) * step
         step *= 1.0 if turn == 0 else 2.0
-    rows = np.flatnonzero(np.isfinite(inside + outside))
+    rows, ends = np.flatnonzero(np.isfinite(inside + outside)), np.full(expected.size, np.nan)
+    ends[rows] = _halved(holds, rows, inside[rows], outside[rows], rounds)
+    return ends
+
+
+def _halved(holds: Holds, rows: Rows, inside: Array, outside: Array, rounds: int) -> Array:
+    """Middles (k,) of the brackets (k,) of rows (k,), halved so many times."""
     for _ in range(rounds if rows.size else 0):
         middle = 0.5 * (inside + outside)
-        now = holds(rows, middle[rows])
-        inside[rows[now]], outside[rows[~now]] = middle[rows[now]], middle[rows[~now]]
+        now = holds(rows, middle)
+        inside, outside = np.where(now, middle, inside), np.where(now, outside, middle)
     return np.asarray(0.5 * (inside + outside))
 
 
@@ -204,6 +197,10 @@ class SpeedRange:
     high: float | None
     speeds: Array = field(repr=False)
     states: Array = field(repr=False)
+
+    def end(self, upper: bool) -> float | None:
+        """Its upper or its lower limit [m/s]."""
+        return self.high if upper else self.low
 
     def holds(self, speed: float) -> bool:
         """Whether a drive speed [m/s] lies in it."""
@@ -258,8 +255,8 @@ class Windows:
         return tuple(out)
 
 
-def speed_windows(model: Model, setting: Array, nodes: Sequence[float] = ()) -> Windows:
-    """The windows of drive speed of a pair at a setting (n_w,), of whatever drive speed.
+def speed_windows(model: Model, settings: Array, nodes: tuple[float, ...] = ()) -> list[Windows]:
+    """The windows of drive speed of pairs at settings (k, n_w), of whatever drive speed.
 
     Args:
         nodes: drive speeds [m/s] that are looked at too; the range searched is widened to hold them.
@@ -267,12 +264,15 @@ def speed_windows(model: Model, setting: Array, nodes: Sequence[float] = ()) -> 
     Raises:
         SimulationError: the motion cannot be integrated, or there is no steady sliding.
     """
-    return _windows(model, tuple(setting[:-1].tolist()), tuple(nodes))
+    own = [tuple(setting[:-1].tolist()) for setting in settings]
+    different = tuple(dict.fromkeys(own))
+    known = dict(zip(different, _windows(model, different, nodes), strict=True))
+    return [known[pair] for pair in own]
 
 
-@lru_cache(maxsize=64)  # a fit and its report, and the page with every turn of its speed, ask again for those of a pair
-def _windows(model: Model, setting: tuple[float, ...], nodes: tuple[float, ...]) -> Windows:
-    v = dict(zip((*model.parameter_names, "load"), setting, strict=True))
+def _places(model: Model, pair: tuple[float, ...], nodes: tuple[float, ...]) -> Array:
+    """Logarithms of the drive speeds (n,) that are looked at, rising."""
+    v = dict(zip((*model.parameter_names, "load"), pair, strict=True))
     kinetic = v["mu_k0"] + min(0.0, v.get("delta_mu_k", 0.0))
     fall = max(v["mu_s"] - kinetic, 1e-3 * v["mu_s"]) * v["load"]
     # The speed that the whole fall of friction gives the mass, and those at which weakening and ageing change.
@@ -282,28 +282,46 @@ def _windows(model: Model, setting: tuple[float, ...], nodes: tuple[float, ...])
         slowest = min(slowest, fall / (v["stiffness"] * v["t_cr"]), v.get("D", np.inf) / v["t_cr"])
     ends = np.log([SLOWEST * slowest, FASTEST * typical, *nodes]) - np.log(typical)
     grid = SPACING * np.arange(np.floor(min(ends) / SPACING), np.ceil(max(ends) / SPACING) + 1)
-    places = np.union1d(np.log(typical) + grid, np.log(nodes))
+    return np.union1d(np.log(typical) + grid, np.log(nodes))
+
+
+def rows_of(lines: Sequence[Array]) -> tuple[Array, list[Rows]]:
+    """Lines of nodes, rising, as one grid: places (n, 2) = number of the line, coordinate; and its sides."""
+    places = np.concatenate([np.column_stack([np.full(line.size, i), line]) for i, line in enumerate(lines)])
+    first = np.flatnonzero(np.diff(places[:, 0]) == 0.0)
+    return places, [np.stack([first, first + 1], axis=1)]
+
+
+@lru_cache(maxsize=64)  # the page asks again for those of a pair with every turn of its speed
+def _windows(model: Model, pairs: tuple[tuple[float, ...], ...], nodes: tuple[float, ...]) -> list[Windows]:
+    known, lines = np.array(pairs), [_places(model, pair, nodes) for pair in pairs]
 
     def settings_at(places: Array) -> Array:
-        return np.column_stack([np.tile(setting, (len(places), 1)), np.exp(places)])
+        return np.column_stack([known[places[:, 0].astype(int)], np.exp(places[:, 1])])
 
-    survey = Survey.of(model, places[:, None], settings_at)
-    border, sticks, ranges = survey.ends(FINE), survey.motions.sticks, []
-    limits = np.exp(border.places[:, 0])
-    for part in np.split(np.arange(places.size), np.flatnonzero(np.diff(sticks)) + 1):
-        if not sticks[part[0]]:
-            continue
-        below = np.flatnonzero(np.all(border.nodes == (part[0], part[0] - 1), axis=1))
-        above = np.flatnonzero(np.all(border.nodes == (part[-1], part[-1] + 1), axis=1))
-        speeds = np.concatenate([limits[below], np.exp(places[part]), limits[above]])
-        states = np.concatenate([border.y[below], survey.motions.y[part], border.y[above]])
-        low, high = (float(limits[side[0]]) if side.size else None for side in (below, above))
-        ranges.append(SpeedRange(low, high, speeds, states))
+    places, sides = rows_of(lines)
+    survey = Survey.of(model, places, settings_at, sides)
+    border, sticks, speeds = survey.ends(FINE), survey.motions.sticks, np.exp(places[:, 1])
+    limits = np.exp(border.places[:, 1])
     # Stability of sliding costs next to nothing, and may be lost between two nodes only.
-    fine = np.linspace(places[0], places[-1], FINER * places.size)[:, None]
+    fine, sides = rows_of([np.linspace(line[0], line[-1], FINER * line.size) for line in lines])
     batch = CycleBatch(model, settings_at(fine))
-    grows = batch.growth[[0, -1]] >= 0.0
-    losses = np.sort(replace(survey, places=fine, sides=_in_a_row(len(fine)), batch=batch).losses().places[:, 0])
-    speeds = np.exp([*places[:1][grows[:1]], *losses, *places[-1:][grows[1:]]]).tolist()
-    unstable = tuple(zip(speeds[::2], speeds[1::2], strict=True))
-    return Windows((float(np.exp(places[0])), float(np.exp(places[-1]))), tuple(ranges), unstable)
+    losses = replace(survey, places=fine, sides=sides, batch=batch).losses()
+    grows, lost = batch.growth >= 0.0, np.exp(losses.places[:, 1])
+    out = []
+    for number in range(len(pairs)):
+        rows, ranges = np.flatnonzero(places[:, 0] == number), []
+        for part in np.split(rows, np.flatnonzero(np.diff(sticks[rows])) + 1):
+            if not sticks[part[0]]:
+                continue
+            below = np.flatnonzero(np.all(border.nodes == (part[0], part[0] - 1), axis=1))
+            above = np.flatnonzero(np.all(border.nodes == (part[-1], part[-1] + 1), axis=1))
+            states = np.concatenate([border.y[below], survey.motions.y[part], border.y[above]])
+            low, high = (float(limits[side[0]]) if side.size else None for side in (below, above))
+            ranges.append(SpeedRange(low, high, np.concatenate([limits[below], speeds[part], limits[above]]), states))
+        whole, mine = speeds[rows[[0, -1]]], np.flatnonzero(fine[:, 0] == number)[[0, -1]]
+        turns = np.sort(lost[fine[losses.nodes[:, 0], 0] == number])
+        ends = np.concatenate([whole[:1][grows[mine[:1]]], turns, whole[1:][grows[mine[1:]]]]).tolist()
+        unstable = tuple(zip(ends[::2], ends[1::2], strict=True))
+        out.append(Windows((float(whole[0]), float(whole[1])), tuple(ranges), unstable))
+    return out

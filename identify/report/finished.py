@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from operator import itemgetter
 from pathlib import Path
@@ -345,8 +345,7 @@ class Fit(Spelled):
         x = over(values)
         with axes_of(axes) as on:
             if pair.covariance is not None:
-                point = {**values, "normal_force": scene.rig.normal_force or 1.0, "drive_speed": 1.0}
-                draws = Draws.of(scene.model, point, pair.names, pair.covariance)
+                draws = Draws.of(replace(site_of(scene), covariance=pair.covariance, names=pair.names))
                 columns = {n: draws.column(n)[: draws.count, None] for n in scene.model.parameter_names}
                 band = np.quantile(law(columns, x), QUANTILES, axis=0)
                 on.fill_between(x, *band, color=FITTED, alpha=0.25, linewidth=0)

@@ -17,7 +17,7 @@ from identify.logs.classical import table_of
 from identify.logs.prepare import Prepared
 from identify.logs.regime import Known, look
 from identify.logs.unknowns import Unknowns
-from identify.prediction.draws import OperatingPoint
+from identify.prediction.axes import Site
 from identify.prediction.predict import NoAnswer, predictions
 from identify.shooting import batch
 from identify.shooting.shooting_trajectory import ShootingTrajectory
@@ -39,7 +39,7 @@ def answers_of_logs(prepared: list[Prepared], findings: Findings, added: Array |
     unknowns = findings.unknowns
     free = np.flatnonzero(unknowns.free)
     names = [unknowns.names[i] for i in free]
-    points: list[OperatingPoint | NoAnswer] = []
+    points: list[Site | NoAnswer] = []
     for number, log in enumerate(prepared):
         own = of_log(number, log, findings)
         if isinstance(own, str):
@@ -49,12 +49,9 @@ def answers_of_logs(prepared: list[Prepared], findings: Findings, added: Array |
         slope = np.where(unknowns.logarithmic, p, 1.0)[free]
         covariance = (own[1] + added) * np.outer(slope, slope)
         values = dict(zip(unknowns.names, p.tolist(), strict=True))
-        points.append(OperatingPoint(values, log.data.drive_speed, log.mean_load, covariance))
-    known = [point for point in points if isinstance(point, OperatingPoint)]
-    # what points have in common is only shared within a pair
-    apart = findings.sure is not None and bool(findings.sure.of_groups)
-    parts = [[point] for point in known] if apart else [known]
-    answers = iter([each for part in parts for each in predictions(unknowns.model, part, tuple(names), DRAWS)])
+        speed, load = log.data.drive_speed, log.mean_load
+        points.append(Site(unknowns.model, values, speed, load, covariance=covariance, names=tuple(names)))
+    answers = iter(predictions([point for point in points if isinstance(point, Site)], DRAWS))
     return [to_dict(point if isinstance(point, NoAnswer) else next(answers)) for point in points]
 
 

@@ -17,7 +17,7 @@ from identify import Scene
 from identify.base.document import to_dict
 from identify.prediction.axes import Site
 from identify.prediction.draws import LEAST_DRAWS, Draws, OperatingPoint
-from identify.prediction.predict import DrawAnswers, predict, predictions, solution_set
+from identify.prediction.predict import DrawnAnswers, predict, predictions, solution_set
 from identify.prediction.sources import stated
 from identify.prediction.windows import speed_windows
 from tests.support.maps_case import DEMO, SITE
@@ -43,7 +43,7 @@ def test_ends_of_draws_are_those_of_their_own_windows():
     answer = solution_set(MODEL, Site(MODEL, DEMO, 1e-3, 1.0).setting)
     draws = Draws.of(MODEL, PAIR | {"drive_speed": 1e-3}, study.NAMES, known_to(PAIR, 0.1), 10)
     (part,) = answer.windows.sticking
-    ends = DrawAnswers(draws, answer).limit(part, True)
+    ends = DrawnAnswers(draws, answer).limit(part, True)
     own = np.array([speed_windows(MODEL, w).end for w in draws.settings])
     assert np.ptp(np.log(own)) > 0.2
     assert np.min(ends) == pytest.approx(np.min(own), rel=2e-3) and np.max(ends) == pytest.approx(np.max(own), rel=2e-3)
