@@ -251,17 +251,17 @@ def _map(
         ranges[name] = quantity(low, unit, f"--range {name}"), quantity(high, unit, f"--range {name}")
     if len(names) == 1:
         nodes = LINE if arguments.points is None else arguments.points
-        drawn: maps.LineMap | maps.Chart = maps.line_map(site, names[0], ranges[names[0]], nodes)
+        drawn = maps.line_map(site, names[0], ranges[names[0]], nodes)
     else:
         nodes = GRID if arguments.points is None else arguments.points
         spans = ranges[names[0]], ranges[names[1]]
         drawn = maps.stability_map(site, names[0], names[1], *spans, nodes)
-    document = _line_document(drawn) if isinstance(drawn, maps.LineMap) else _chart_document(drawn)
+    document = _line_document(drawn) if len(names) == 1 else _chart_document(drawn)
     terminal.say(wrapped(str(document["text"]), "", ""))
     if plot:
         from identify.report.draw_map import draw_line, draw_map
 
-        if isinstance(drawn, maps.LineMap):
+        if len(names) == 1:
             draw_line(drawn, plot)
         else:
             others = [(axis(p.site, names[0]).value, axis(p.site, names[1]).value) for p in points[1:]]
@@ -288,26 +288,26 @@ def _chart_document(drawn: maps.Chart) -> dict[str, Json]:
     }
 
 
-def _line_document(drawn: maps.LineMap) -> dict[str, Json]:
+def _line_document(drawn: maps.Chart) -> dict[str, Json]:
     """One quantity alone: where answers change, with intervals."""
-    q, figures = drawn.quantity, drawn.chart.figures
+    q, values, figures = drawn.plane.x, drawn.plane.x_values, drawn.figures
     document: dict[str, Json] = {
-        "x": {"name": q.name, "unit": q.unit, "values": drawn.values.tolist()},
-        "outcomes": drawn.chart.outcomes[0].tolist(),
-        "figures": {name: values.tolist() for name, (values,) in figures.items()},
+        "x": {"name": q.name, "unit": q.unit, "values": values.tolist()},
+        "outcomes": drawn.outcomes[0].tolist(),
+        "figures": {name: row.tolist() for name, (row,) in figures.items()},
     }
     sentences = []
     for key, words, changes, holds in (
-        ("end_of_stick_slip", "stick-slip exists", drawn.ends, np.isfinite(figures["drop"])),
-        ("loss_of_stability", "steady sliding is unstable", drawn.losses, drawn.chart.growth >= 0.0),
+        ("end_of_stick_slip", "stick-slip exists", drawn.changes(drawn.sticking), np.isfinite(figures["drop"])),
+        ("loss_of_stability", "steady sliding is unstable", drawn.changes(drawn.unstable), drawn.growth >= 0.0),
     ):
         texts = ["everywhere" if np.all(holds) else "in places" if np.any(holds) else "nowhere"] if not changes else []
         entries: list[Mapping[str, Json]] = []
-        for change in changes:
-            side = "below" if change.below else "above"
-            entries.append({"value": change.value, "unit": q.unit, "holds": side})
-            texts.append(f"{side} {shown(change.value, q.unit)}")
+        for value, below in changes:
+            side = "below" if below else "above"
+            entries.append({"value": value, "unit": q.unit, "holds": side})
+            texts.append(f"{side} {shown(value, q.unit)}")
         document[key] = entries
         sentences.append(f"{words} {' and '.join(texts)}")
-    low, high = (shown(float(v), q.unit) for v in drawn.values[[0, -1]])
+    low, high = (shown(float(v), q.unit) for v in values[[0, -1]])
     return document | {"text": f"Over {q.label} from {low} to {high}: {'; '.join(sentences)}."}

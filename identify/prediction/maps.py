@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,7 @@ from identify.model.model import Model
 from identify.prediction.axes import Axis, Site, admissible, axis, check_axes, known_axes, moved
 from identify.prediction.cycles import QUANTITIES, CycleBatch, check_calculable
 from identify.prediction.predict import check_site, number
-from identify.prediction.sources import Tested
+from identify.prediction.sources import Tested, site_of
 from identify.prediction.windows import COARSE, FINE, Border, Survey, outcome_of, rows_of
 from identify.prediction.wording import shown
 from identify.scene import Scene
@@ -195,21 +196,21 @@ class Boundary:
 class Chart:
     """A map. Arrays (n_y, n_x) on the grid of `plane`.
 
-    outcomes: the words of `Outcome`, "not possible" or "no answer"; growth: rate of a disturbance of steady sliding
-    [1/s]; figures: QUANTITIES of the orbit, SI; NaN where there is none. sticking: outline of where stick-slip exists;
-    unstable: of where steady sliding is unstable.
+    outcomes: the words of `Outcome`, "not possible" or "no answer"; figures: QUANTITIES of the orbit, SI; NaN where
+    there is none. sticking: outline of where stick-slip exists; unstable: of where steady sliding is unstable.
     """
 
     plane: Plane
+    survey: Survey
     outcomes: NDArray[np.str_]
-    growth: Array
     figures: Mapping[str, Array]
     sticking: Boundary
     unstable: Boundary
 
     @staticmethod
-    def of(grid: Plane, survey: Survey, ends: Border, losses: Border) -> Chart:
-        """What a survey of a grid found."""
+    def of(grid: Plane, rounds: int) -> Chart:
+        """What motions do over a grid; ends of stick-slip between nodes are closed in on in so many rounds."""
+        survey = grid.survey()
         motions, growth = survey.motions, survey.batch.growth
         rows = np.full((growth.size, len(QUANTITIES)), np.nan)
         rows[motions.periodic] = survey.batch.take(motions.periodic).figures(motions.y[motions.periodic])
@@ -219,12 +220,23 @@ class Chart:
         outcomes[grid.admitted] = words
         return Chart(
             plane=grid,
+            survey=survey,
             outcomes=outcomes,
-            growth=grid.gridded(growth),
             figures={name: grid.gridded(column) for name, column in zip(QUANTITIES, rows.T, strict=True)},
-            sticking=Boundary.of(grid, grid.gridded(motions.sticks.astype(float), 0.0), ends),
-            unstable=Boundary.of(grid, grid.gridded((growth >= 0.0).astype(float), 0.0), losses),
+            sticking=Boundary.of(grid, grid.gridded(motions.sticks.astype(float), 0.0), survey.ends(rounds)),
+            unstable=Boundary.of(grid, grid.gridded((growth >= 0.0).astype(float), 0.0), survey.losses()),
         )
+
+    @cached_property
+    def growth(self) -> Array:
+        """Rate of a disturbance of steady sliding [1/s]."""
+        return self.plane.gridded(self.survey.batch.growth)
+
+    @cached_property
+    def sliding_force(self) -> Array:
+        """What the load cell shows in steady sliding [N]."""
+        forces = [state.force for state in slidings(self.plane.site.model, self.survey.batch.settings)]
+        return self.plane.gridded(np.array(forces))
 
     @property
     def shares(self) -> dict[str, float]:
@@ -237,6 +249,13 @@ class Chart:
         """The pieces of a boundary inside the map, as points (n, 2) of values [SI]."""
         x, y = self.plane.x, self.plane.y
         return [np.column_stack([x.value_at(p[:, 0]), y.value_at(p[:, 1])]) for p in boundary.lines()]
+
+    def changes(self, boundary: Boundary) -> list[tuple[float, bool]]:
+        """Of a map over one quantity: its values [SI] on a boundary, rising, and whether the region lies below each
+        (else above)."""
+        loops = ((loop[:, 0], loop[~framed, 0]) for loop, framed in boundary.loops)
+        ends = ((place, place == np.max(loop)) for loop, crossed in loops for place in crossed.tolist())
+        return sorted((float(self.plane.x.value_at(place)), bool(below)) for place, below in ends)
 
 
 @spelled
@@ -274,51 +293,13 @@ def stability_map(
         a speed or a force that nobody stated; quantities, ranges or a model that make no map.
     """
     if isinstance(scene, Scene):
-        speed, load = scene.rig.drive_speed, scene.rig.normal_force
-        if not isinstance(speed, float) or not speed or not load:
-            raise SimulationError("the scene gives no single drive speed or no normal force; state both under [rig]")
-        area, exponent = scene.contact.area_at(load), scene.contact.exponent or 0.0
-        scene = Site(scene.model, scene.values(None), abs(speed), load, area, exponent)
+        scene = site_of(scene)
     grid = plane(scene, (x, y), (x_range, y_range), (points, points) if isinstance(points, int) else points)
-    survey = grid.survey()
-    return Chart.of(grid, survey, survey.ends(COARSE), survey.losses())
+    return Chart.of(grid, COARSE)
 
 
-# Over one quantity.
-
-
-@dataclass(frozen=True)
-class AnswerChange:
-    """Where an answer changes: value of the quantity [SI], and whether the answer holds below that value (else
-    above)."""
-
-    value: float
-    below: bool
-
-
-@dataclass(frozen=True)
-class LineMap:
-    """Answers over one quantity (n values): a map of one row, the force of steady sliding (n,) [N], where stick-slip
-    ends and where steady sliding becomes unstable."""
-
-    chart: Chart
-    sliding_force: Array
-    ends: tuple[AnswerChange, ...]
-    losses: tuple[AnswerChange, ...]
-
-    @property
-    def quantity(self) -> Axis:
-        """What is moved."""
-        return self.chart.plane.x
-
-    @property
-    def values(self) -> Array:
-        """Its values (n,) [SI], rising."""
-        return self.chart.plane.x_values
-
-
-def line_map(site: Site, name: str, span: Range | None = None, points: int = 120) -> LineMap:
-    """Orbits and steady sliding of an operating point while one quantity (`axes.known_axes`) moves.
+def line_map(site: Site, name: str, span: Range | None = None, points: int = 120) -> Chart:
+    """A map of one row: orbits and steady sliding of an operating point while one quantity (`axes.known_axes`) moves.
 
     Args:
         span: of the quantity [SI]; None: around its value at the point.
@@ -326,18 +307,7 @@ def line_map(site: Site, name: str, span: Range | None = None, points: int = 120
     Raises:
         SimulationError: a quantity, range or model that makes no map.
     """
-    grid = plane(site, (name,), (span,), (points,))
-    survey = grid.survey()
-    borders = survey.ends(FINE), survey.losses()
-    ends, losses = (
-        tuple(
-            AnswerChange(float(grid.x.value_at(place)), bool(first < last))
-            for place, (first, last) in zip(border.places[:, 0], border.nodes, strict=True)
-        )
-        for border in borders
-    )
-    force = grid.gridded(np.array([state.force for state in slidings(site.model, survey.batch.settings)]))[0]
-    return LineMap(Chart.of(grid, survey, *borders), force, ends, losses)
+    return Chart.of(plane(site, (name,), (span,), (points,)), FINE)
 
 
 # Stabilising changes: small disturbances of sliding die out and no stick-slip is found, neither from a rested contact
@@ -473,7 +443,7 @@ def check_data_path(path: Path) -> None:
         raise SimulationError(f"{path} is no format of data for a map; expected .csv: rename it")
 
 
-def write_map(made: Chart | LineMap, path: Path) -> list[Path]:
+def write_map(drawn: Chart, path: Path) -> list[Path]:
     """Write a map as CSV, one row per node; the boundaries of two quantities in a second file beside it.
 
     Returns:
@@ -485,15 +455,14 @@ def write_map(made: Chart | LineMap, path: Path) -> list[Path]:
     import pandas as pd
 
     check_data_path(path)
-    drawn = made if isinstance(made, Chart) else made.chart
     grid = drawn.plane
     heads = [f"{q.name} [{q.unit}]" if q.unit else q.name for q in (grid.x, grid.y)]
     columns: dict[str, ArrayLike] = dict(zip(heads, np.meshgrid(grid.x_values, grid.y_values), strict=True))
     columns |= {"outcome": drawn.outcomes, "growth_rate [1/s]": drawn.growth}
     columns |= {f"{name} [{unit}]": drawn.figures[name] for name, unit in QUANTITIES.items()}
-    columns |= {"sliding_force [N]": made.sliding_force} if isinstance(made, LineMap) else {}
+    columns |= {"sliding_force [N]": drawn.sliding_force}
     tables = {path: pd.DataFrame({name: np.ravel(values) for name, values in columns.items()})}
-    if isinstance(made, Chart):
+    if grid.y_places.size > 1:
         lines = {"end of stick-slip": drawn.sticking, "loss of stability of sliding": drawn.unstable}
         rows = [
             (words, number, *point)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import read_log
-from identify.base.errors import SceneError
+from identify.base.errors import SceneError, SimulationError
 from identify.base.result import Correlation, LogResult, Result
 from identify.logs.scene_records import unused
 from identify.model.model import RIG_PARAMETERS
@@ -115,11 +115,16 @@ def scenes_at(scene: Scene, entry: LogEntry | None, log: LogResult, given: Mappi
 
 
 def site_of(scene: Scene) -> Site:
-    """The operating point that one of `scenes_at` states."""
+    """The operating point that a scene states, such as those of `scenes_at`.
+
+    Raises:
+        SimulationError: it states none.
+    """
     load, speed = scene.rig.normal_force, scene.rig.drive_speed
-    assert load is not None and isinstance(speed, float)
+    if not isinstance(speed, float) or not speed or not load:
+        raise SimulationError("the scene gives no single drive speed or no normal force; state both under [rig]")
     area, exponent = scene.contact.area_at(load), scene.contact.exponent or 0.0
-    return Site(scene.model, scene.values(), speed, load, area, exponent)
+    return Site(scene.model, scene.values(), abs(speed), load, area, exponent)
 
 
 # Whose values hold for a log of a finished fit: those of its own group where parameters differ from group to group.

@@ -23,7 +23,7 @@ from scipy.ndimage import distance_transform_edt
 from data_io.atomic import atomic_path
 from identify.base.wording import number, scale_for
 from identify.prediction.axes import Axis
-from identify.prediction.maps import NO_ANSWER, NOT_ADMITTED, Boundary, Chart, LineMap
+from identify.prediction.maps import NO_ANSWER, NOT_ADMITTED, Boundary, Chart
 from identify.prediction.sources import Tested
 from identify.prediction.windows import Outcome
 from identify.report.report_wording import OUTCOMES
@@ -60,7 +60,7 @@ def draw_map(
         map_figure(chart, part, others, tested).savefig(temporary, dpi=DPI)
 
 
-def draw_line(answer: LineMap, path: File) -> None:
+def draw_line(answer: Chart, path: File) -> None:
     """Draw it: force levels above, period and slip below, outcomes behind.
 
     Raises:
@@ -260,16 +260,17 @@ def _points(canvas: _Canvas, points: Sequence[tuple[float, float]]) -> list[Arti
     return legend[1:]
 
 
-def _over_one(answer: LineMap) -> Figure:
+def _over_one(answer: Chart) -> Figure:
     figure = Figure(figsize=OVER_ONE, layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)
-    q, figures, factor = answer.quantity, answer.chart.figures, scale_for(answer.quantity.value, answer.quantity.unit)
-    x = answer.values / (unit := factor.factor)
-    force = scale_for(float(np.nanmax(answer.sliding_force)), "N")
+    q, figures = answer.plane.x, answer.figures
+    x = answer.plane.x_values / (unit := scale_for(q.value, q.unit).factor)
+    sliding = answer.sliding_force[0]
+    force = scale_for(float(np.nanmax(sliding)), "N")
     for values, colour, style, words in (
         (figures["onset_force"][0], ONSET, "-", "force at the onset of slip"),
         (figures["arrest_force"][0], ARREST, "-", "force at its end"),
-        (answer.sliding_force, "0.25", "--", "force of steady sliding"),
+        (sliding, "0.25", "--", "force of steady sliding"),
     ):
         upper.plot(x, values / force.factor, color=colour, ls=style, lw=1.1, label=words)
     upper.set_ylabel(f"force ({force.unit})", fontsize=FONT + 0.5)
@@ -285,15 +286,15 @@ def _over_one(answer: LineMap) -> Figure:
         lower.legend(loc="best", fontsize=FONT - 1)
     upper.legend(loc="best", fontsize=FONT - 1)
     curves = len(lower.lines)
-    changes = [(change.value / unit, STICKS, "end of stick-slip") for change in answer.ends]
-    changes += [(change.value / unit, SLIDES, "sliding loses stability") for change in answer.losses]
+    changes = [(value / unit, STICKS, "end of stick-slip") for value, _ in answer.changes(answer.sticking)]
+    changes += [(value / unit, SLIDES, "sliding loses stability") for value, _ in answer.changes(answer.unstable)]
     for axes in (upper, lower):
         axes.grid(False)
         axes.tick_params(labelsize=FONT)
         for at, colour, words in changes:
             axes.axvline(at, color=colour, lw=1.0, zorder=1, label=words)
         axes.axvline(q.value / unit, color="k", lw=0.8, ls=":", zorder=1, label="operating point")
-        _shade(axes, answer.chart.outcomes[0].tolist(), x, np.array([at for at, *_ in changes]))
+        _shade(axes, answer.outcomes[0].tolist(), x, np.array([at for at, *_ in changes]))
         axes.set_xscale("log" if q.logarithmic else "linear")
         axes.set_xlim(x[0], x[-1])
     _quantity_axis(lower.xaxis, q, x[[0, -1]])

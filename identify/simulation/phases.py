@@ -182,7 +182,6 @@ def rest(rests: Resting, x: Array, situated: Situated, start: float, limit: floa
 
 DOUBLINGS = 60  # of the longest rest that the spring alone allows for
 NEWTON_STEPS = 60  # towards the end of a rest
-DIGITS = 4.0 * np.finfo(float).eps  # of a force: its last ones
 SCAN = np.geomspace(1e-6, 1.0, 33)  # of a rest: where the margin is looked at if it need not be concave
 
 
@@ -228,8 +227,10 @@ def sticks(model: Model, x: Array, p: Array, u: Array, forward: bool = False) ->
             low, high = np.where(row[:, 0] > 0.0, t, low), np.where(row[:, 0] > 0.0, high, t)
             newton = t - row[:, 0] / row[:, 1]
             after = np.where((low <= newton) & (newton <= high), newton, 0.5 * (low + high))
-            # The forces have so many digits: a smaller margin is none.
-            if np.all((np.abs(after - t) <= 1e-14 * t) | (np.abs(row[:, 0]) <= DIGITS * np.abs(row[:, 2]))):
+            # The forces have so many digits: a margin of the last one is none.
+            if np.all(
+                (np.abs(after - t) <= 1e-14 * t) | (np.abs(row[:, 0]) <= np.finfo(float).eps * np.abs(row[:, 2]))
+            ):
                 break
             t = after
     return np.where(held, np.nan, t), row[:, 3:], row[:, 2]
