@@ -284,15 +284,18 @@ class CycleBatch:
 
     # One cycle.
 
-    def run(self, y: Array, longest: float = np.inf) -> CycleRows:
-        """The cycles that start at rest in y (n, n_y); nodes are kept where steps have a longest [natural times]."""
+    def run(self, y: Array, longest: float | Array = np.inf) -> CycleRows:
+        """The cycles that start at rest in y (n, n_y); nodes are kept where steps have a longest, (n,) or one
+        for all [natural times]."""
         start = np.insert(np.clip(y, *bounds_at_rest(self.model)), SPEED, 0.0, axis=1)
         stick, onset, force = sticks(self.model, start, self.settings[:, :-2], self._inputs)
         end, slip, rests, refused, kept = self._slip(onset, force, longest)
         rests &= slip >= CREEP * np.pi * self.time
         return CycleRows(start, onset, end, stick, slip, rests, refused, kept)
 
-    def _slip(self, x: Array, force: Array, longest: float) -> tuple[Array, Array, Bools, Bools, tuple[Node, ...]]:
+    def _slip(
+        self, x: Array, force: Array, longest: float | Array
+    ) -> tuple[Array, Array, Bools, Bools, tuple[Node, ...]]:
         """Slips from states x (n, n_x) under forces [N]: their ends, durations, which rest, refused ones, nodes."""
         n, n_x = x.shape
         at, events, clamped = BurstState(n_x), _events(self.model), self.model.clamped
@@ -303,7 +306,7 @@ class CycleBatch:
         floor[:, SPEED] *= min(ROUNDING / ACCURACY, 1.0)
         tolerances = ACCURACY * np.insert(floor, 0, 1.0, axis=1)
         ones = np.ones(n)
-        keep = np.isfinite(longest)
+        keep = bool(np.all(np.isfinite(longest)))
         bounds = np.stack([self.limit, longest * self.time, SHORTEST * self.time, ones, np.inf * ones], axis=1)
         situated = np.stack([self.settings[:, -1], ones, self.settings[:, -2], 0 * ones, 0 * ones], axis=1)
         constants = np.concatenate([self.settings[:, :-2], situated], axis=1)
@@ -427,7 +430,7 @@ class CycleBatch:
 
     # What is seen of them: between the nodes of a slip the force is a cubic.
 
-    def figures(self, y: Array, longest: float = ROUGHLY) -> Array:
+    def figures(self, y: Array, longest: float | Array = ROUGHLY) -> Array:
         """QUANTITIES (n, 9) of the cycles from y (n, n_y), NaN where the mass does not rest."""
         if not len(y):
             return np.empty((0, len(QUANTITIES)))

@@ -31,11 +31,11 @@ POINT = ("drive_speed", "normal_force")  # what a covariance may name beside the
 
 @dataclass(frozen=True)
 class Draws:
-    """Draws of an operating point, and the point moved both ways along every open direction.
+    """An operating point, draws of it, and the point moved both ways along every open direction.
 
-    settings (n + 2 d, n_w): parameters in the model's order, normal force [N], drive speed [m/s]; the n draws first,
-    then for each of the d open directions the point moved forwards and back. refused: draws that no pair can have
-    (kinetic friction lost, or above the static). open: parameters of each open direction.
+    settings (1 + n + 2 d, n_w): parameters in the model's order, normal force [N], drive speed [m/s], of the point, of
+    n draws, and for each of the d open directions of the point moved forwards and back. refused: draws that no pair can
+    have (kinetic friction lost, or above the static). open: parameters of each open direction.
     """
 
     model: Model
@@ -44,13 +44,20 @@ class Draws:
     refused: int
     open: tuple[tuple[str, ...], ...]
 
+    @property
+    def uncertain(self) -> bool:
+        """Whether there are any."""
+        return len(self.settings) > 1
+
     @staticmethod
     def of(site: Site, count: int = DRAWS, seed: int = 0) -> Draws:
-        """Draws of an operating point with a covariance.
+        """So many draws of an operating point with a covariance, none of one without.
 
         What is searched by its logarithm (speed and load too) is drawn in it, the rest in its value.
         """
         model, names = site.model, site.names
+        if site.covariance is None or not names:
+            return Draws(model, site.setting[None], 0, 0, ())
         places = [(*model.parameter_names, *reversed(POINT)).index(name) for name in names]
         centre = site.setting[places]
         by_log = np.array([name in POINT or model.parameter(name).scale == "log" for name in names]) & (centre > 0.0)
@@ -88,22 +95,22 @@ class Draws:
             tuple(n for n, part in zip(names, np.abs(each), strict=True) if part > NAMED * np.max(np.abs(each)))
             for each in open_
         )
-        settings = np.concatenate([drawn, settings_of(probes)])
+        settings = np.concatenate([site.setting[None], drawn, settings_of(probes)])
         return Draws(model, settings, len(drawn), count - len(drawn), blamed)
 
     def column(self, name: str) -> Array:
-        """Values (n + 2 d,) of a parameter, "normal_force" or "drive_speed"."""
+        """Values (1 + n + 2 d,) of a parameter, "normal_force" or "drive_speed"."""
         return self.settings[:, (*self.model.parameter_names, *reversed(POINT)).index(name)]
 
-    def number(self, value: float, unit: str, validity: str, answers: Array, size: float = 0.0) -> Number:
-        """An answer at the point itself, with the interval between the outer quantiles of the answers (n + 2 d,) of all
-        rows, NaN where one has none; size: what an answer near zero is measured by."""
-        if np.all(answers == answers[0]):
-            return Number(value, unit, None, validity)
-        same = np.abs(answers[self.count :].reshape(-1, 2) - value) <= NOTICED * max(abs(value), size)
-        moves = ~np.all(same, axis=1)
+    def number(self, answers: Array, unit: str, validity: str, size: float = 0.0) -> Number:
+        """The answer at the point itself, the first of those of all rows (1 + n + 2 d,), NaN where one has none; with
+        the interval between the outer quantiles of the draws. size: what an answer near zero is measured by."""
+        value, drawn, moved = float(answers[0]), *np.split(answers[1:], [self.count])
+        if not np.isfinite(value) or np.all(answers[1:] == answers[-1]):
+            return Number(value if np.isfinite(value) else None, unit, None, validity)
+        moves = np.any(~(np.abs(moved.reshape(-1, 2) - value) <= NOTICED * max(abs(value), size)), axis=1)
         named = dict.fromkeys(name for each, moving in zip(self.open, moves, strict=True) if moving for name in each)
-        finite, total = answers[: self.count][np.isfinite(answers[: self.count])], self.count + self.refused
+        finite, total = drawn[np.isfinite(drawn)], self.count + self.refused
         reason = f"{listed([*named])}, on which it depends, is not identifiable here" if named else ""
         if not named and finite.size < min(LEAST_DRAWS, total):
             reason = f"only {finite.size} of {total} draws have an answer"

@@ -20,7 +20,7 @@ from identify.base.wording import range_text
 from identify.model.model import Model
 from identify.prediction.axes import Axis, Site, admissible, axis, check_axes, known_axes, moved
 from identify.prediction.cycles import QUANTITIES, CycleBatch, check_calculable
-from identify.prediction.predict import check_site, number
+from identify.prediction.predict import check_site
 from identify.prediction.sources import Tested, site_of
 from identify.prediction.windows import COARSE, FINE, Border, Survey, outcome_of, rows_of
 from identify.prediction.wording import shown
@@ -401,7 +401,7 @@ def _change(site: Site, q: Axis, tested: Tested | None, margin: float) -> Change
     places, sides = rows_of([powers])
     survey = Survey.of(site.model, places, lambda places: settings_at(places[:, 1]), sides)
     steady = (survey.batch.growth < 0.0) & ~survey.motions.sticks
-    now_steady, now = bool(steady[powers == 0][0]), number(q.value, unit, "")
+    now_steady, now = bool(steady[powers == 0][0]), Number(q.value, unit)
     limit, advised, at, kind, reason = None, None, None, "", ""
     other = powers[steady != now_steady]
     if not other.size:
@@ -426,7 +426,7 @@ def _change(site: Site, q: Axis, tested: Tested | None, margin: float) -> Change
             advised, reason = None, "sliding is steady only just beyond this limit: the margin does not fit"
     reached = next((value for value in (advised, limit) if value is not None), q.value)
     extrapolated = tested is not None and tested.extrapolated(q.name, reached)
-    numbers = number(limit, unit, kind), number(advised, unit, reason)
+    numbers = Number(limit, unit, None, kind), Number(advised, unit, None, reason)
     return ChangeAdvice(q.name, q.label, now, *numbers, at, extrapolated, reason)
 
 

@@ -15,7 +15,7 @@ from identify.base.wording import range_text
 from identify.model.model import Model
 from identify.prediction.axes import Site
 from identify.prediction.closed_forms import CYCLE, MEANING, beyond, closed_forms, judged
-from identify.prediction.cycles import CLOSELY, QUANTITIES, CycleBatch, Motions, check_calculable
+from identify.prediction.cycles import CLOSELY, QUANTITIES, ROUGHLY, CycleBatch, Motions, check_calculable
 from identify.prediction.draws import DRAWS, POINT, Draws
 from identify.prediction.windows import (
     ROUGH,
@@ -115,11 +115,6 @@ class NoAnswer:
     text: str
 
 
-def number(value: float | None, unit: str, validity: str) -> Number:
-    """A number as the interface gives it, None where it is not finite."""
-    return Number(float(value) if value is not None and np.isfinite(value) else None, unit, None, validity)
-
-
 # What happens at an operating point, and at draws of it.
 
 
@@ -127,13 +122,12 @@ def number(value: float | None, unit: str, validity: str) -> Number:
 class SolutionSet:
     """The answer of the nonlinear model at one drive speed [m/s].
 
-    figures: QUANTITIES (9,) of the stable orbit there, None without one; y (n_y,): rest state of stick-slip there,
-    where there is some; steady: steady sliding there; windows: what happens at every other drive speed, the same
-    whatever speed is asked.
+    y (n_y,): rest state of stick-slip there, where there is some, on the stable orbit where it is periodic; steady:
+    steady sliding there; windows: what happens at every other drive speed, the same whatever speed is asked.
     """
 
     outcome: Outcome
-    figures: Array | None
+    periodic: bool
     y: Array | None
     steady: Sliding
     windows: Windows
@@ -145,123 +139,103 @@ def solution_sets(model: Model, settings: Array) -> list[SolutionSet]:
     Raises:
         SimulationError: a motion cannot be integrated, or there is no steady sliding.
     """
-    batch, steady, windows = CycleBatch(model, settings), slidings(model, settings), speed_windows(model, settings)
+    batch, speeds, windows = CycleBatch(model, settings), settings[:, -1].tolist(), speed_windows(model, settings)
 
-    def settled() -> tuple[Motions, list[Array | None]]:
-        """From a rested contact, else from the stick-slip of the windows that is nearest; and that."""
-        motions, near = (
-            batch.settle(batch.rested()),
-            [each.near(w[-1]) for each, w in zip(windows, settings, strict=True)],
-        )
-        begun = {i: y for i, y in enumerate(near) if y is not None and not motions.sticks[i]}
-        if begun:
-            motions.update(np.array([*begun]), batch.take(np.array([*begun])).settle(np.array([*begun.values()])))
-        return motions, near
+    def settled() -> Motions:
+        """From a rested contact, else from the stick-slip of the windows that is nearest."""
+        motions, states = batch.settle(batch.rested()), batch.rested()
+        for i, (found, speed) in enumerate(zip(windows, speeds, strict=True)):
+            near = found.near(speed)
+            states[i] = states[i] if near is None else near
+        left = np.flatnonzero(~motions.sticks)
+        motions.update(left, batch.take(left).settle(states[left]))
+        return motions
 
-    motions, near = settled()
-    for i, (y, found, speed) in enumerate(zip(near, windows, settings[:, -1].tolist(), strict=True)):
-        if bool(motions.sticks[i]) != (y is not None) or not found.searched[0] <= speed <= found.searched[1]:
+    motions = settled()
+    for i, (found, speed) in enumerate(zip(windows, speeds, strict=True)):
+        low, high = found.searched
+        if motions.sticks[i] != (found.near(speed) is not None) or not low <= speed <= high:
             # A window narrower than the grid, or a speed at the very edge of one: this speed is a node then.
             (windows[i],) = speed_windows(model, settings[i : i + 1], (speed,))
-            motions = settled()[0]
-    figures = iter(batch.take(motions.periodic).figures(motions.y[motions.periodic], CLOSELY))
+            motions = settled()
     out = []
-    for i, state in enumerate(steady):
-        sticks, row = bool(motions.sticks[i]), next(figures) if motions.periodic[i] else None
-        outcome = outcome_of(row is not None, sticks, state.stable)
-        out.append(SolutionSet(outcome, row, motions.y[i] if sticks else None, state, windows[i]))
+    for i, steady in enumerate(slidings(model, settings)):
+        sticks, periodic = bool(motions.sticks[i]), bool(motions.periodic[i])
+        outcome, y = outcome_of(periodic, sticks, steady.stable), motions.y[i] if sticks else None
+        out.append(SolutionSet(outcome, periodic, y, steady, windows[i]))
     return out
 
 
-def drawn_numbers(draws: Sequence[Draws], answers: Sequence[SolutionSet]) -> list[dict[str, Array]]:
-    """Numbers (rows,) by name of the draws of some points of one model around their answers: of the jumps, NaN without
-    an orbit; closed forms and groups; of sliding."""
-    if not draws:
-        return []
+def numbers_of(draws: Sequence[Draws], answers: Sequence[SolutionSet]) -> list[dict[str, Array]]:
+    """Numbers (rows,) by name of some points of one model and of their draws: of the jumps, NaN without an orbit;
+    closed forms and groups; of sliding."""
     model, settings = draws[0].model, np.concatenate([each.settings for each in draws])
     batch, counts = CycleBatch(model, settings), [len(each.settings) for each in draws]
     # From the stick-slip of the point itself, else from a rested contact.
-    rested = batch.rested()
-    own = np.repeat([rested[0] if answer.y is None else answer.y for answer in answers], counts, axis=0)
+    rested, firsts = batch.rested(), np.cumsum([0, *counts[:-1]])
+    known = np.array([rested[0] if answer.y is None else answer.y for answer in answers])
+    own = np.repeat(known, counts, axis=0)
     motions = batch.settle(own)
     left = np.flatnonzero(~motions.sticks & np.any(own != rested, axis=1))
     motions.update(left, batch.take(left).settle(rested[left]))
-    rows = np.full((len(settings), len(QUANTITIES)), np.nan)
-    rows[motions.periodic] = batch.take(motions.periodic).figures(motions.y[motions.periodic])
+    motions.y[firsts], motions.periodic[firsts] = known, [answer.periodic for answer in answers]
+    rows, longest = np.full((len(settings), len(QUANTITIES)), np.nan), np.full(len(settings), ROUGHLY)
+    longest[firsts], settles = CLOSELY, motions.periodic
+    rows[settles] = batch.take(settles).figures(motions.y[settles], longest[settles])
     values = dict(zip((*model.parameter_names, "normal_force", "drive_speed"), settings.T, strict=True))
-    forms = closed_forms(values)
-    columns = _jumps(rows, values) | {f"closed {name}": q for name, q in {**forms.groups, **forms.numbers}.items()}
+    forms, columns = closed_forms(values), dict(zip(QUANTITIES, rows.T, strict=True))
+    columns |= {"frequency": 1.0 / columns["period"], "share_in_slip": columns["slip_duration"] / columns["period"]}
+    columns["a_V_max"] = np.multiply(values.get("a", 0.0), columns["peak_speed"])
+    columns |= {f"closed {name}": column for name, column in {**forms.groups, **forms.numbers}.items()}
     columns["friction_force"] = np.array([state.force for state in slidings(model, settings)])
     columns["growth_rate"] = batch.growth
-    parts = zip(*(np.split(column, np.cumsum(counts)[:-1]) for column in columns.values()), strict=True)
+    parts = zip(*(np.split(column, firsts[1:]) for column in columns.values()), strict=True)
     return [dict(zip(columns, part, strict=True)) for part in parts]
 
 
-def drawn_ends(asked: Sequence[tuple[Draws, SpeedRange, bool]]) -> list[Array]:
-    """Ends (rows,) of ranges with stick-slip, the upper or the lower, for the rows of draws of one model, over that of
-    the estimate; NaN where none is found.
+def ends_of(asked: Sequence[tuple[Draws, SpeedRange, bool]]) -> list[Array]:
+    """Ends (rows,) of ranges with stick-slip, the upper or the lower, of points of one model and their draws, over that
+    of the point; NaN where none is found.
 
     They are sought in LOCATED of the draws and in the moved points. Of the other draws they are the regression on their
     settings, with the residuals of those in turn: what it costs is to close in on ends, where motions settle late.
     """
     if not asked:
         return []
-    sought = [np.delete(np.arange(len(draws.settings)), np.arange(LOCATED, draws.count)) for draws, *_ in asked]
+    sought = [np.delete(np.arange(len(draws.settings)), np.s_[1 + LOCATED : 1 + draws.count]) for draws, *_ in asked]
     settings = np.concatenate([draws.settings[rows] for (draws, *_), rows in zip(asked, sought, strict=True)])
-    of, uppers = np.repeat(np.arange(len(asked)), [len(rows) for rows in sought]), [upper for *_, upper in asked]
-    model, first = asked[0][0].model, np.array([draws.settings[0] for draws, *_ in asked])
+    of, uppers = np.repeat(np.arange(len(asked)), [rows.size for rows in sought]), [upper for *_, upper in asked]
+    model, points = asked[0][0].model, np.array([draws.settings[0] for draws, *_ in asked])
     states = np.array([part.states[-1 if upper else 0] for _, part, upper in asked])
     speeds = np.log(np.array([part.end(upper) for _, part, upper in asked], dtype=float))
 
     def at(rows: NDArray[np.intp], logarithms: Array) -> Array:
         return np.column_stack([settings[rows, :-1], np.exp(logarithms)])
 
-    test = StickTest(model, at, states[of], CycleBatch(model, first).scale[of], rested=True)
-    ends = locate(test, speeds[of], np.where(uppers, 1.0, -1.0)[of], ROUGH)
-    parts = zip(asked, sought, speeds.tolist(), strict=True)
+    test = StickTest(model, at, states[of], CycleBatch(model, points).scale[of], rested=True)
+    ends = locate(test, speeds[of], np.where(uppers, 1.0, -1.0)[of], ROUGH) - speeds[of]
     return [
-        np.exp(_completed(draws, rows, ends[of == i]) - speed) for i, ((draws, *_), rows, speed) in enumerate(parts)
+        _completed(draws, rows, ends[of == i]) for i, ((draws, *_), rows) in enumerate(zip(asked, sought, strict=True))
     ]
 
 
 def _completed(draws: Draws, sought: NDArray[np.intp], found: Array) -> Array:
-    """Of all rows, from what was found in those that were sought."""
-    count, ends = draws.count, np.full(len(draws.settings), np.nan)
+    """Ends of all rows over that of the first, from the logarithms of those that were sought."""
+    ends, drawn = np.full(len(draws.settings), np.nan), np.arange(1, 1 + draws.count)
     ends[sought] = found
-    known = np.flatnonzero(np.isfinite(ends[:LOCATED]))
-    if count > LOCATED and known.size:
-        varied = draws.settings[:count, np.ptp(draws.settings[:count], axis=0) > 0.0]
-        design = np.column_stack([np.ones(count), (varied - varied.mean(axis=0)) / varied.std(axis=0)])
+    here, others = drawn[:LOCATED], drawn[LOCATED:]
+    known = here[np.isfinite(ends[here])]
+    if others.size and known.size:
+        varied = draws.settings[:, np.ptp(draws.settings[drawn], axis=0) > 0.0]
+        design = np.column_stack(
+            [np.ones(len(ends)), (varied - varied[drawn].mean(axis=0)) / varied[drawn].std(axis=0)]
+        )
         weights = np.linalg.lstsq(design[known], ends[known], rcond=None)[0]
-        residuals = ends[:LOCATED] - design[:LOCATED] @ weights
+        residuals = ends[here] - design[here] @ weights
         residuals *= np.sqrt(known.size / max(known.size - len(weights), 1))
-        others = np.arange(LOCATED, count)
-        ends[others] = design[others] @ weights + residuals[others % LOCATED]
-    return ends
-
-
-@dataclass(frozen=True, eq=False)
-class DrawnAnswers:
-    """The draws of a point, and their numbers (rows,) by name."""
-
-    draws: Draws
-    columns: Mapping[str, Array]
-
-
-def _number(
-    drawn: DrawnAnswers | None, value: float | None, unit: str, validity: str, name: str, size: float = 0.0
-) -> Number:
-    """One of the numbers, with its interval where there are draws; size: see `Draws.number`."""
-    if drawn is None or value is None or not np.isfinite(value):
-        return number(value, unit, validity)
-    return drawn.draws.number(value, unit, validity, drawn.columns[name], size)
-
-
-def _jumps(rows: Array, values: Mapping[str, float | Array]) -> dict[str, Array]:
-    """SHOWN of orbits by their QUANTITIES (n, 9), and "a_V_max" (n,), 0 where the model has no a."""
-    known = dict(zip(QUANTITIES, rows.T, strict=True))
-    further = {"frequency": 1.0 / known["period"], "share_in_slip": known["slip_duration"] / known["period"]}
-    return known | further | {"a_V_max": np.multiply(values.get("a", 0.0), known["peak_speed"])}
+        ends[others] = design[others] @ weights + np.resize(residuals, others.size)
+    ends[0] = 0.0
+    return np.exp(ends)
 
 
 # Predictions.
@@ -325,51 +299,44 @@ def check_site(site: Site) -> None:
         raise SimulationError(f"the covariance names {unknown[0]!r}; the model has {known}")
 
 
-def _predicted(points: Sequence[Site], draws: int) -> list[PointPrediction]:
-    """The predictions, or the first error."""
+def _predicted(points: Sequence[Site], count: int) -> list[PointPrediction]:
+    """The predictions, with so many draws; or the first error."""
     for site in points:
         check_site(site)
     points = [replace(site, drive_speed=abs(site.drive_speed)) for site in points]
     answers = solution_sets(points[0].model, np.array([site.setting for site in points]))
-    return [_prediction(*each) for each in zip(points, answers, _drawn(points, answers, draws), strict=True)]
-
-
-def _drawn(points: Sequence[Site], answers: Sequence[SolutionSet], count: int) -> list[DrawnAnswers | None]:
-    """What the draws of each point do, None of one that is known exactly.
-
-    Ends of stick-slip over that of the estimate are shared by points of one pair under nearly the same load.
-    """
-    uncertain = [i for i, site in enumerate(points) if site.covariance is not None and site.names]
-    drawn = {i: Draws.of(points[i], count) for i in uncertain}
-    columns = dict(zip(drawn, drawn_numbers([*drawn.values()], [answers[i] for i in drawn]), strict=True))
-    ranges = [(i, place, part) for i in drawn for place, part in enumerate(answers[i].windows.sticking)]
-    limits = [(i, place, upper, part) for i, place, part in ranges for upper in (False, True) if part.end(upper)]
+    draws = [Draws.of(site, count) for site in points]
+    columns = numbers_of(draws, answers)
+    ends = [
+        (i, place, part, upper, end)
+        for i, answer in enumerate(answers)
+        for place, part in enumerate(answer.windows.sticking)
+        for upper, end in ((False, part.low), (True, part.high))
+        if end is not None
+    ]
 
     def key(i: int, place: int, upper: bool) -> tuple[object, ...]:
-        site = points[i]
-        known = site.setting[:-2].tobytes(), np.asarray(site.covariance).tobytes(), site.names
-        return place, upper, round(np.log(site.normal_force) / ALIKE), known
+        """What ends have in common that draws have in the same ratio to the estimate: pair, load, place."""
+        site, load = points[i], round(np.log(points[i].normal_force) / ALIKE)
+        return place, upper, load, site.setting[:-2].tobytes(), np.asarray(site.covariance).tobytes(), site.names
 
-    asked = {key(i, place, upper): (drawn[i], part, upper) for i, place, upper, part in reversed(limits)}
-    shares = dict(zip(asked, drawn_ends([*asked.values()]), strict=True))
-    for i, place, upper, _ in limits:
-        columns[i][f"end {place} {upper}"] = shares[key(i, place, upper)]
-    return [DrawnAnswers(drawn[i], columns[i]) if i in drawn else None for i in range(len(points))]
+    asked = {key(i, n, upper): (draws[i], part, upper) for i, n, part, upper, _ in reversed(ends) if draws[i].uncertain}
+    shares = dict(zip(asked, ends_of([*asked.values()]), strict=True))
+    for i, place, _, upper, end in ends:
+        columns[i][f"end {place} {upper}"] = end * shares.get(key(i, place, upper), np.ones(1))
+    return [_prediction(*each) for each in zip(points, answers, draws, columns, strict=True)]
 
 
-def _prediction(site: Site, answer: SolutionSet, drawn: DrawnAnswers | None) -> PointPrediction:
-    values = {**site.values, "drive_speed": site.drive_speed, "normal_force": site.normal_force}
+def _prediction(site: Site, answer: SolutionSet, draws: Draws, columns: Mapping[str, Array]) -> PointPrediction:
+    """columns: the numbers (rows,) of the draws by name."""
 
-    def of_model(value: float | None, unit: str, name: str, size: float = 0.0) -> Number:
-        return _number(drawn, value, unit, MODEL, name, size)
+    def of_model(name: str, unit: str, why: str = MODEL, size: float = 0.0) -> Number:
+        return draws.number(columns[name], unit, why, size)
 
     def limit(place: int, part: SpeedRange, upper: bool) -> Number | None:
-        end = part.end(upper)
-        if end is None or drawn is None:
-            return None if end is None else number(end, "m/s", MODEL)
-        return drawn.draws.number(end, "m/s", MODEL, end * drawn.columns[f"end {place} {upper}"])
+        return of_model(f"end {place} {upper}", "m/s") if part.end(upper) else None
 
-    steady, windows, figures = answer.steady, answer.windows, answer.figures
+    steady, windows = answer.steady, answer.windows
     ranges = enumerate(windows.sticking)
     between = tuple(StickSlipRange(limit(i, part, False), limit(i, part, True)) for i, part in ranges)
     fastest = shown(windows.searched[1], "m/s")
@@ -380,11 +347,11 @@ def _prediction(site: Site, answer: SolutionSet, drawn: DrawnAnswers | None) -> 
     natural = float(np.sqrt(site.values["stiffness"] / site.values["mass"]))
     stability = StabilityAnswer(
         outcome=answer.outcome.value,
-        critical_speed=(between[-1].high if between else None) or number(None, "m/s", no_end),
+        critical_speed=(between[-1].high if between else None) or Number(None, "m/s", None, no_end),
         sliding=SlidingAnswer(
             stable=steady.stable,
-            growth_rate=of_model(steady.growth, "1/s", "growth_rate", QUIET * natural),
-            friction_force=of_model(steady.force, "N", "friction_force"),
+            growth_rate=of_model("growth_rate", "1/s", size=QUIET * natural),
+            friction_force=of_model("friction_force", "N"),
             eigenvalues=tuple((float(z.real), float(z.imag)) for z in steady.eigenvalues),
             renewed=steady.renewed,
         ),
@@ -393,16 +360,12 @@ def _prediction(site: Site, answer: SolutionSet, drawn: DrawnAnswers | None) -> 
         stick_slip_between=between,
         windows=windows.listed(),
     )
-    if figures is None:
-        irregular = answer.outcome is Outcome.IRREGULAR
-        why = "it sticks and slips, but not periodically" if irregular else "no stick-slip here"
-        amplitude, peak = {name: number(None, unit, why) for name, unit in QUANTITIES.items()}, None
-    else:
-        now = {name: float(row[0]) for name, row in _jumps(figures[None], values).items()}
-        amplitude, peak = {name: of_model(now[name], unit, name) for name, unit in SHOWN.items()}, now["a_V_max"]
-    validity = replace(of_model(peak, "", "a_V_max"), validity="the closed forms of a slip need this to be far below 1")
-    groups, forms = _closed_forms(site.model, values, amplitude, windows.end, validity, drawn)
-    at = {name: number(values[name], unit, "") for name, unit in (("drive_speed", "m/s"), ("normal_force", "N"))}
+    irregular = answer.outcome is Outcome.IRREGULAR
+    none = "it sticks and slips, but not periodically" if irregular else "no stick-slip here"
+    why = MODEL if answer.periodic else none
+    amplitude = {n: of_model(n, unit, why) for n, unit in (SHOWN if answer.periodic else QUANTITIES).items()}
+    groups, forms = _closed_forms(site.model, draws, columns, amplitude, windows.end)
+    at = {name: Number(getattr(site, name), unit) for name, unit in (("drive_speed", "m/s"), ("normal_force", "N"))}
     prediction = PointPrediction(at, stability, AmplitudeAnswer(amplitude), groups, forms)
     texts = stability_text(prediction), amplitude_text(prediction), closed_form_text(prediction)
     return replace(
@@ -415,27 +378,22 @@ def _prediction(site: Site, answer: SolutionSet, drawn: DrawnAnswers | None) -> 
 
 
 def _closed_forms(
-    model: Model,
-    values: Mapping[str, float],
-    amplitude: Mapping[str, Number],
-    end: float | None,
-    validity: Number,
-    drawn: DrawnAnswers | None,
+    model: Model, draws: Draws, columns: Mapping[str, Array], amplitude: Mapping[str, Number], end: float | None
 ) -> tuple[dict[str, Number], ClosedFormsAnswer]:
     """The groups, and the closed forms, each beside what the nonlinear model has."""
 
-    def entry(name: str, value: float | None, unit: str, why: str) -> Number:
-        return _number(drawn, value, unit, why, f"closed {name}")
+    def entry(name: str, unit: str, why: str) -> Number:
+        return draws.number(columns[f"closed {name}"], unit, why)
 
-    forms = closed_forms(values)
-    groups = {name: entry(name, float(value), *MEANING[name]) for name, value in forms.groups.items()}
-    ignored, numbers = beyond(model.effects), {name: float(value) for name, value in forms.numbers.items()}
-    unaware = f"not valid here: does not include {' and '.join(ignored)}" if ignored else ""
-    out = {}
+    forms = closed_forms({name: float(draws.column(name)[0]) for name in (*model.parameter_names, *POINT)})
+    groups, status = {name: entry(name, *MEANING[name]) for name in forms.groups}, str(forms.status)
+    ignored = beyond(model.effects)
+    unaware, out = f"not valid here: does not include {' and '.join(ignored)}" if ignored else "", {}
     for name, other in [*((name, amplitude[name].value) for name in CYCLE), ("critical_speed", end)]:
-        why = unaware or judged(numbers[name], other, str(forms.status), float(forms.groups["alpha"]))
-        out[name] = entry(name, numbers[name], QUANTITIES.get(name, "m/s"), why)
+        why = unaware or judged(float(forms.numbers[name]), other, status, float(forms.groups["alpha"]))
+        out[name] = entry(name, QUANTITIES.get(name, "m/s"), why)
     for name in ("Pi", "Pi_fc", "Omega_c"):
         why = unaware or "exact for small disturbances of steady sliding"
-        out[name] = entry(name, None if forms.renewed else numbers[name], "", why)
-    return groups, ClosedFormsAnswer(validity, str(forms.status), ignored, out)
+        out[name] = Number(None, "", None, why) if forms.renewed else entry(name, "", why)
+    peak = draws.number(columns["a_V_max"], "", "the closed forms of a slip need this to be far below 1")
+    return groups, ClosedFormsAnswer(peak, status, ignored, out)

@@ -346,7 +346,7 @@ class Fit(Spelled):
         with axes_of(axes) as on:
             if pair.covariance is not None:
                 draws = Draws.of(replace(site_of(scene), covariance=pair.covariance, names=pair.names))
-                columns = {n: draws.column(n)[: draws.count, None] for n in scene.model.parameter_names}
+                columns = {n: draws.column(n)[1 : 1 + draws.count, None] for n in scene.model.parameter_names}
                 band = np.quantile(law(columns, x), QUANTILES, axis=0)
                 on.fill_between(x, *band, color=FITTED, alpha=0.25, linewidth=0)
             on.plot(x, law({name: np.asarray(value) for name, value in values.items()}, x), color=FITTED)

@@ -14,12 +14,11 @@ from identify.cli.main import main
 from identify.effects import MAIN
 from identify.prediction import sources
 from identify.prediction.axes import axis
-from identify.prediction.draws import OperatingPoint
 from identify.prediction.maps import _change, stabilising_changes
 from tests.support import oracle
 from tests.support.maps_case import DEMO, SITE
 
-MODEL, SPEED, LOAD = SITE.model, 15e-3, 1.0
+SPEED, LOAD = 15e-3, SITE.normal_force
 TESTED = sources.Tested({"drive_speed": (1e-6, 1.4e-2), "normal_force": (0.4, 1.0), "stiffness": (1470.0, 1470.0)})
 
 
@@ -40,7 +39,7 @@ def sticks(values: dict[str, float], speed: float, load: float) -> bool:
 
 @pytest.fixture(scope="module")
 def advice():
-    return stabilising_changes(MODEL, OperatingPoint(DEMO, SPEED, LOAD), TESTED)
+    return stabilising_changes(replace(SITE, drive_speed=SPEED), TESTED)
 
 
 def test_a_limit_is_that_of_brute_force(advice):
@@ -65,7 +64,7 @@ def test_what_is_steady_is_seen_and_what_cannot_be_reached():
     mass = _change(slow, axis(slow, "mass"), None, 0.2)
     assert mass.limit.value is None and "cannot be reached" in mass.reason
     with pytest.raises(SimulationError, match="not zero and a positive"):
-        stabilising_changes(MODEL, OperatingPoint(DEMO, 0.0, LOAD))
+        stabilising_changes(replace(SITE, drive_speed=0.0))
 
 
 def test_tested_range_of_a_result():

@@ -16,8 +16,8 @@ import run_skew_study as study
 from identify import Scene
 from identify.base.document import to_dict
 from identify.prediction.axes import Site
-from identify.prediction.draws import LEAST_DRAWS, Draws, OperatingPoint
-from identify.prediction.predict import DrawnAnswers, predict, predictions, solution_set
+from identify.prediction.draws import LEAST_DRAWS, Draws
+from identify.prediction.predict import ends_of, predict, predictions
 from identify.prediction.sources import stated
 from identify.prediction.windows import speed_windows
 from tests.support.maps_case import DEMO, SITE
@@ -33,6 +33,11 @@ def known_to(pair, share, names=study.NAMES):
     return np.diag(np.square(share * np.array(sizes)))
 
 
+def drawn(names, covariance, count=400, seed=0, speed=1e-3):
+    """Draws of the pair at a drive speed."""
+    return Draws.of(Site(MODEL, DEMO, speed, 1.0, covariance=covariance, names=tuple(names)), count, seed)
+
+
 def asked(speed, covariance=None, names=NAMES, /, draws=50, **changes):
     return to_dict(predict(MODEL, DEMO | changes, speed, 1.0, covariance, names, draws))
 
@@ -40,20 +45,19 @@ def asked(speed, covariance=None, names=NAMES, /, draws=50, **changes):
 @pytest.mark.slow
 def test_ends_of_draws_are_those_of_their_own_windows():
     """Of pairs far from the estimate, and of the outer draws, which are closed in on; orders of the rest are kept."""
-    answer = solution_set(MODEL, Site(MODEL, DEMO, 1e-3, 1.0).setting)
-    draws = Draws.of(MODEL, PAIR | {"drive_speed": 1e-3}, study.NAMES, known_to(PAIR, 0.1), 10)
-    (part,) = answer.windows.sticking
-    ends = DrawnAnswers(draws, answer).limit(part, True)
-    own = np.array([speed_windows(MODEL, w).end for w in draws.settings])
+    draws = drawn(study.NAMES, known_to(PAIR, 0.1), 10)
+    windows = speed_windows(MODEL, draws.settings)
+    (part,) = windows[0].sticking
+    ends = (ends_of([(draws, part, True)])[0] * part.high)[1:]
+    own = np.array([each.end for each in windows[1:]])
     assert np.ptp(np.log(own)) > 0.2
     assert np.min(ends) == pytest.approx(np.min(own), rel=2e-3) and np.max(ends) == pytest.approx(np.max(own), rel=2e-3)
     assert np.max(np.abs(np.log(ends / own))) < 0.1
 
 
 def test_too_few_draws_with_an_answer_leave_the_interval_open():
-    draws = Draws.of(MODEL, PAIR | {"drive_speed": 1e-3}, ("mu_s",), np.array([[1e-6]]), 200)
-    values = np.where(np.arange(200) < LEAST_DRAWS - 1, 1.0, np.nan)
-    found = draws.number(1.0, "", "", values)
+    draws = drawn(["mu_s"], np.array([[1e-6]]), 200)
+    found = draws.number(np.where(np.arange(201) < LEAST_DRAWS, 1.0, np.nan), "", "")
     assert found.interval == (None, None) and f"only {LEAST_DRAWS - 1} of 200 draws" in found.reason
 
 
@@ -61,12 +65,11 @@ def test_draws_have_the_covariance_and_are_possible():
     names = (*NAMES, "drive_speed")
     matrix = np.diag([(0.02 * abs((DEMO | {"drive_speed": 1e-2})[n])) ** 2 for n in names])
     matrix[0, 1] = matrix[1, 0] = 0.8 * np.sqrt(matrix[0, 0] * matrix[1, 1])
-    values = PAIR | {"drive_speed": 1e-2}
-    drawn = Draws.of(MODEL, values, names, matrix, 20000, 1)
+    found = drawn(names, matrix, 20000, 1, speed=1e-2)
     sizes = np.sqrt(np.outer(np.diag(matrix), np.diag(matrix)))
-    assert drawn.refused == 0
-    np.testing.assert_allclose(np.cov([drawn.column(n) for n in names]) / sizes, matrix / sizes, atol=0.04)
-    broad = Draws.of(MODEL, values, ("mu_s", "mu_k0"), np.diag([0.2**2, 0.2**2]), 2000)
+    assert found.refused == 0
+    np.testing.assert_allclose(np.cov([found.column(n) for n in names]) / sizes, matrix / sizes, atol=0.04)
+    broad = drawn(("mu_s", "mu_k0"), np.diag([0.2**2, 0.2**2]), 2000)
     static, kinetic = broad.column("mu_s"), broad.column("mu_k0")
     assert 100 < broad.refused < 1500 and np.all(static > kinetic) and np.all(kinetic > 0.13)
 
@@ -85,9 +88,9 @@ def test_every_number_has_an_interval_and_the_document_is_json():
 
 
 def test_points_of_one_pair_together_get_the_answers_they_get_alone():
-    points = [OperatingPoint(DEMO, v, load, KNOWN) for v, load in ((1e-3, 0.937), (5e-3, 0.940))]
-    together = predictions(MODEL, points, NAMES)[1].stability.critical_speed
-    alone = predictions(MODEL, points[1:], NAMES)[0].stability.critical_speed
+    known = {"covariance": KNOWN, "names": NAMES}
+    points = [Site(MODEL, DEMO, v, load, **known) for v, load in ((1e-3, 0.937), (5e-3, 0.940))]
+    together, alone = (predictions(part)[-1].stability.critical_speed for part in (points, points[1:]))
     assert together.value == pytest.approx(alone.value, rel=1e-4)
     assert together.interval == pytest.approx(alone.interval, rel=1e-3)
 
@@ -108,11 +111,11 @@ def test_a_ridge_between_parameters_opens_what_lies_along_it_only():
     """Two parameters unknown, their sum known: what needs the sum alone keeps its interval."""
     ridge = np.diag([0.0, 1e6, 1e6]) + 1e-6 * np.eye(3)
     ridge[1, 2] = ridge[2, 1] = -1e6
-    draws = Draws.of(MODEL, PAIR | {"drive_speed": 1e-3}, ["mu_s", "mu_k0", "delta_mu_k"], ridge)
+    draws = drawn(("mu_s", "mu_k0", "delta_mu_k"), ridge)
     static, slow, fall = (draws.column(name) for name in ("mu_s", "mu_k0", "delta_mu_k"))
-    assert "mu_k0 and delta_mu_k" in draws.number(DEMO["mu_k0"] - 0.065, "", "", slow + 0.5 * fall).reason
-    assert not draws.number(0.3, "", "", slow + fall).reason
-    closed = draws.number(DEMO["mu_s"], "", "", static)
+    assert "mu_k0 and delta_mu_k" in draws.number(slow + 0.5 * fall, "", "").reason
+    assert not draws.number(slow + fall, "", "").reason
+    closed = draws.number(static, "", "")
     assert closed.interval[0] == pytest.approx(DEMO["mu_s"] - 1.96e-3, rel=2e-4) and not closed.reason
 
 

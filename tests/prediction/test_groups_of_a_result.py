@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,7 @@ from identify import Scene, examples
 from identify.base.result import Result
 from identify.cli.operating import points_of
 from identify.prediction.cycles import CLOSELY
-from identify.prediction.predict import predict
+from identify.prediction.predict import predictions
 from identify.prediction.sources import pair_of
 from tests.support.maps_case import settled_orbit
 
@@ -75,13 +77,6 @@ def spread_of_drop(group, speed):
     return float(np.sqrt(np.array(slopes) @ covariance @ np.array(slopes)))
 
 
-def answer(point, draws=60):
-    """The prediction at a point of the command line, with fewer draws."""
-    site, covariance = point.site, point.covariance if draws else None
-    at = (site.model, site.values, site.drive_speed, site.normal_force)
-    return predict(*at, covariance, point.names, draws).amplitude.numbers
-
-
 def half_width(entry):
     return np.diff(entry.interval)[0] / (2 * 1.959964)
 
@@ -89,7 +84,8 @@ def half_width(entry):
 def test_each_log_is_answered_by_its_own_group_and_covariance():
     result = Result.from_dict(document())
     for (group, speed), point in zip(LOGS, points_of(Scene.from_document(result.scene), result), strict=True):
-        drop = answer(point, 0 if group == "A" else 60)["drop"]
+        (answer,) = predictions([replace(point.site, names=() if group == "A" else point.site.names)], 60)
+        drop = answer.amplitude.numbers["drop"]
         assert point.groups == (("volunteer", group),)
         assert drop.value == pytest.approx(drop_at(group, speed), rel=1e-6)
     assert half_width(drop) == pytest.approx(spread_of_drop(group, speed), rel=0.2)  # ends of 60 draws

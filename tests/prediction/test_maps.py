@@ -10,7 +10,7 @@ from identify.base.errors import SimulationError
 from identify.model.model import assemble
 from identify.prediction.axes import Site, admissible, axis, check_axes, moved
 from identify.prediction.maps import line_map, plane, stability_map
-from identify.prediction.predict import solution_set
+from identify.prediction.predict import predict
 from tests.support.maps_case import ALL, DEMO, SITE, SPANS
 
 
@@ -72,14 +72,12 @@ def test_nodes_of_a_map_are_the_single_answers(speed_and_stiffness):
     assert set(made.shares) == {"always sticks", "never sticks", "bistable"}
     for j, i in ((0, 0), (3, 2), (3, 5), (1, 8)):
         grid = made.plane
-        w = moved(SITE, {"drive_speed": grid.x_values[i], "stiffness": grid.y_values[j]})
-        answer = solution_set(SITE.model, w)
-        assert made.outcomes[j, i] == answer.outcome.value
-        if answer.figures is None:
-            assert np.isnan(made.figures["drop"][j, i])
-        else:
-            period = answer.figures[1]
-            assert made.figures["period"][j, i] == pytest.approx(period, rel=1e-4)
+        answer = predict(SITE.model, DEMO | {"stiffness": grid.y_values[j]}, grid.x_values[i], 1.0)
+        assert made.outcomes[j, i] == answer.stability.outcome
+        period = answer.amplitude.numbers["period"].value
+        assert made.figures["period"][j, i] == pytest.approx(
+            np.nan if period is None else period, rel=1e-4, nan_ok=True
+        )
 
 
 def test_the_end_on_a_map_is_where_simulation_stops_sticking(speed_and_stiffness):
@@ -119,19 +117,19 @@ def test_sliding_that_jumps_to_stability_does_so_where_the_contact_wears_out():
 @pytest.mark.parametrize(("name", "below"), [("drive_speed", True), ("normal_force", False), ("damping", True)])
 def test_a_line_ends_where_simulation_does(name, below):
     answer = line_map(SITE, name, points=16)
-    (end,) = answer.ends
-    assert end.below is below
+    ((end, lies_below),) = answer.changes(answer.sticking)
+    assert lies_below is below
     sign = 1.0 if below else -1.0
-    assert sticks_inside_only(moved(SITE, {name: end.value * (1.0 - sign * np.array([0.05, 0.01, -0.01]))}))
+    assert sticks_inside_only(moved(SITE, {name: end * (1.0 - sign * np.array([0.05, 0.01, -0.01]))}))
 
 
 def test_jumps_that_fade_away_end_where_sliding_becomes_stable():
     """Slow drive: no fold; the jumps get smaller than any resolution just before the boundary of eq. 25."""
     site = Site(SITE.model, DEMO, 1e-4 / 60, 1.0)
     answer = line_map(site, "D", (1e-4, 3e-4), 6)
-    (end,), (loss,) = answer.ends, answer.losses
-    assert end.below and end.value == pytest.approx(loss.value, rel=2e-3)
-    assert np.nanmin(answer.chart.figures["drop"]) < 1e-3
+    ((end, below),), ((loss, _),) = answer.changes(answer.sticking), answer.changes(answer.unstable)
+    assert below and end == pytest.approx(loss, rel=2e-3)
+    assert np.nanmin(answer.figures["drop"]) < 1e-3
     for share, sticks in ((0.98, True), (1.02, False)):
-        pair = brute_force.Pair({**DEMO, "D": share * end.value})
+        pair = brute_force.Pair({**DEMO, "D": share * end})
         assert (brute_force.settled(pair, site.drive_speed) is not None) is sticks

@@ -12,10 +12,10 @@ from identify.base.document import to_dict
 from identify.base.errors import SimulationError
 from identify.effects import ALL, MAIN
 from identify.model.model import assemble
+from identify.prediction.axes import Site
 from identify.prediction.closed_forms import closed_forms
 from identify.prediction.cycles import CLOSELY, QUANTITIES, CycleBatch, check_calculable
-from identify.prediction.draws import OperatingPoint
-from identify.prediction.predict import predict, predictions, solution_set
+from identify.prediction.predict import predict, predictions, solution_sets
 from identify.prediction.windows import Outcome
 from identify.simulation.simulate import run
 from identify.simulation.sliding import slidings
@@ -54,13 +54,17 @@ def figures(model, w):
     return dict(zip(QUANTITIES, batch.figures(y, CLOSELY)[0].tolist(), strict=True))
 
 
+def solution_of(model, w):
+    return solution_sets(model, w[None])[0]
+
+
 def asked(speed, effects=MAIN, /, **changes):
     return to_dict(predict(assemble(effects), values_of(effects, **changes), speed, LOAD))
 
 
 def test_bistable_is_both():
     """At 15 mm/s the same pair goes on sticking and goes on sliding; at 5 mm/s sliding does not last."""
-    assert solution_set(*setting_of(15e-3)).outcome is Outcome.BISTABLE
+    assert solution_of(*setting_of(15e-3)).outcome is Outcome.BISTABLE
     for speed, sticks in ((15e-3, False), (5e-3, True)):
         x, v, gamma = slidings(*setting_of(speed))[0].state
         seen = oracle.simulate(DEMO, speed, LOAD, 2.0, (float(x), 1.02 * float(v), float(gamma)))
@@ -85,7 +89,7 @@ def test_without_weakening_and_ageing_the_closed_forms_are_exact():
     forms = closed_forms({n: DEMO[n] for n in model.parameter_names} | {"drive_speed": 1e-3, "normal_force": LOAD})
     for name in ("drop", "period", "slip_duration", "peak_speed"):
         assert found[name] == pytest.approx(float(forms.numbers[name]), rel=1e-6)
-    assert solution_set(model, w).windows.end == pytest.approx(float(forms.numbers["critical_speed"]), rel=5e-4)
+    assert solution_of(model, w).windows.end == pytest.approx(float(forms.numbers["critical_speed"]), rel=5e-4)
     # Negative control: with ageing and weakening they are far off, or have no answer, and give no number.
     off = asked(1e-3, a=200.0)["closed_forms"]
     assert off["drop"]["validity"].startswith("not valid here: off by") and "drop" not in off["text"]
@@ -108,7 +112,7 @@ def test_peak_to_valley_is_what_a_load_cell_would_see(speed):
 def test_orbits_are_what_a_long_simulation_settles_on(case):
     effects, more = CASES[case]
     model, w = setting_of(1e-3, effects, **more)
-    found = dict(zip(QUANTITIES, solution_set(model, w).figures.tolist(), strict=True))
+    found = figures(model, w)
     motion = run(model, values_of(effects, **more), 1e-3, LOAD, 40 * found["period"])
     onset = motion.onsets[-3]
     arrest = motion.arrests[motion.arrests > onset][0]
@@ -158,8 +162,8 @@ def test_every_effect_settles_on_an_answer_or_is_refused_by_name(effect):
 
 
 def test_what_has_no_meaning_is_refused_in_one_sentence_and_holds_up_no_other_point():
-    bad, good = OperatingPoint(DEMO, 0.0, LOAD), OperatingPoint(DEMO, 1e-3, LOAD)
-    documents = [to_dict(answer) for answer in predictions(assemble(MAIN), [bad, good], [])]
+    points = [Site(assemble(MAIN), DEMO, speed, LOAD) for speed in (0.0, 1e-3)]
+    documents = [to_dict(answer) for answer in predictions(points)]
     assert "not zero" in documents[0]["text"] and documents[1]["stability"]["outcome"] == "always sticks"
     with pytest.raises(SimulationError, match="'mass_of_moon'"):
         predict(assemble(MAIN), DEMO, 1e-3, LOAD, np.eye(1), ["mass_of_moon"])

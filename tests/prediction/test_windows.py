@@ -97,7 +97,7 @@ def test_sliding_is_unstable_until_its_damping_vanishes():
     """Above v_cr: c = -dmu_k a exp(-a v) F_n."""
     damper = DEMO["damping"] * np.sqrt(DEMO["mass"] / DEMO["stiffness"])
     exact = np.log(-DEMO["delta_mu_k"] * DEMO["a"] / damper) / DEMO["a"]
-    found = speed_windows(SITE.model, SITE.setting)
+    (found,) = speed_windows(SITE.model, SITE.setting[None])
     assert found.unstable == ((found.searched[0], pytest.approx(exact, rel=1e-8)),)
 
 
@@ -105,7 +105,7 @@ def test_sliding_that_is_unstable_between_two_nodes_only_is_seen():
     """Growth rates at many speeds, of a pair whose sliding is unstable over a sixth of the logarithm."""
     model, pair = assemble(study.EFFECTS), study.random_pairs(8, seed=50)[7]
     w = np.array([pair[name] for name in (*model.parameter_names, "normal_force")] + [1.0])
-    ((low, high),) = speed_windows(model, w).unstable
+    ((low, high),) = speed_windows(model, w[None])[0].unstable
     speeds = np.geomspace(0.5 * low, 2.0 * high, 2000)
     grows = growth_rates(model, np.column_stack([np.tile(w[:-1], (2000, 1)), speeds])) >= 0.0
     assert high < 1.2 * low and np.array_equal(grows, (low < speeds) & (speeds < high))
