@@ -47,8 +47,6 @@ class Compiled:
         return self._result
 
 
-compiled = Compiled
-
 # One function for many rows of a batch: mapped over chunks and called at the price of a few function calls.
 
 MANY = 32  # rows per call: small enough to stay in cache, large enough to hide the call

@@ -34,7 +34,7 @@ PER_INSTRUCTION = 1.5e-4  # seconds that compiling takes
 AGAIN = 86_400.0  # seconds after which a function that could not be compiled is tried again
 LIMIT = 64.0  # MB of machine code that are kept
 
-_running: list[tuple[subprocess.Popen[bytes], list[Path]]] = []  # one at a time, and its build folders
+_running: list[subprocess.Popen[bytes]] = []  # one at a time
 
 
 @cache
@@ -100,24 +100,22 @@ def failed(identity: str) -> bool:
 
 def busy() -> bool:
     """Whether a compilation started here is still running."""
-    _running[:] = [(process, builds) for process, builds in _running if process.poll() is None]
+    _running[:] = [process for process in _running if process.poll() is None]
     return bool(_running)
 
 
 def wait() -> None:
     """Until what was started here is compiled; for tests and timings."""
-    for process, _ in _running:
+    for process in _running:
         process.wait()
     _running.clear()
 
 
 def stop() -> None:
-    """End what is being compiled, and leave nothing of it behind."""
-    for process, builds in _running:
+    """End what is being compiled; its process leaves nothing behind."""
+    for process in _running:
         with suppress(OSError):
             os.killpg(process.pid, signal.SIGTERM)
-        for build in builds:
-            shutil.rmtree(build, ignore_errors=True)
 
 
 def start(jobs: Sequence[tuple[ca.Function, str]]) -> None:
@@ -143,8 +141,7 @@ def start(jobs: Sequence[tuple[ca.Function, str]]) -> None:
     command += [cc, *OPTIONS, "--", *builds]
     quiet = subprocess.DEVNULL
     try:  # in the session of this process: Linux shares processors among sessions first, and nice counts within one
-        process = subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet, process_group=0)
-        _running.append((process, builds))
+        _running.append(subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet, process_group=0))
     except OSError:  # no more processes: the virtual machine goes on
         for build in builds:
             shutil.rmtree(build, ignore_errors=True)
@@ -158,7 +155,7 @@ def make_room(base: Path) -> None:
         for left in base.glob("build-*"):
             if abs(time.time() - left.stat().st_mtime) > 10.0 * compile_worker.LONGEST:
                 shutil.rmtree(left, ignore_errors=True)
-        files = [(path.stat(), path) for kind in ("simd", "plain") for path in base.glob(f"{kind}-*.*")]
+        files = [(path.stat(), path) for path in base.glob("plain-*.*")]
         for about, path in sorted(files, key=lambda file: -file[0].st_mtime):
             room -= about.st_size
             if room < 0:

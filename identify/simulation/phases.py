@@ -14,7 +14,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from identify.base.compiled import Mapped, compiled
+from identify.base.compiled import Compiled, Mapped
 from identify.base.errors import SimulationError
 from identify.base.roots import first_zero, zero_between
 from identify.model.model import ELONGATION, INPUTS, SPEED, TIME, Model
@@ -114,7 +114,7 @@ class Resting:
         self._x, self._c = np.zeros(len(model.states)), np.zeros(len(model.parameters) + numbers_of(model))
         self._t, self._at_shares = np.zeros(1), np.zeros(_SHARES.size)
         row, curvatures, self._margins, self._calm = _rest_functions(model)
-        self._row, self._curvature = compiled(row), compiled(curvatures)
+        self._row, self._curvature = Compiled(row), Compiled(curvatures)
         self._row.bind([self._x, self._c, self._t])
         self._curvature.bind([self._x, self._c, self._at_shares])
 

@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from identify.base.compiled import Compiled, Mapped, compiled
+from identify.base.compiled import Compiled, Mapped
 from identify.model.model import SPEED, Model
 from identify.simulation.steppers import Method, StepProblem
 
@@ -399,7 +399,7 @@ class Stepper:
                 (self._ends, event_functions(model, mode), [self._z[:n], self._constants, np.zeros(1)]),
                 (self._coefficients, coefficient(model, mode), [x, self._constants, t]),
             ):
-                calls[mode] = compiled(function)
+                calls[mode] = Compiled(function)
                 calls[mode].bind(given)
         self._burst = burst(model, method)
 
