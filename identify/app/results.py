@@ -21,15 +21,8 @@ from identify.base.result import Result
 from identify.base.table import OutputTable
 from identify.report.figures import available
 from identify.report.finished import Fit
-from identify.report.report_tables import parameter_table
-from identify.report.report_wording import (
-    NOT_FOR,
-    accuracy_text,
-    distribution_lines,
-    headline,
-    is_uneven,
-    tolerances_text,
-)
+from identify.report.report_tables import accuracy_table, parameter_table
+from identify.report.report_wording import NOT_FOR, distribution_lines, headline, is_uneven, tolerances_text
 from identify.report.style import DPI, drawing_style, extremes
 
 Array = NDArray[np.float64]
@@ -79,7 +72,7 @@ def fit_seen(folder: Folder, name: str) -> Document:
     shown = {key: document.get(key) for key in SHOWN} | {
         "table": as_shown(parameter_table(result.parameters)),
         "tolerances": tolerances_text(result.tolerances or {}),
-        "accuracy_line": accuracy_text(result.accuracy),
+        "costs": as_shown(accuracy_table(result.accuracy)),
         "uneven": uneven,
         "effects": (document.get("effects") or {}).get("reasons") or [],
         "logs": logs,

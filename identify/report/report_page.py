@@ -124,7 +124,7 @@ def render_page(fit: Fit, drawn: Sequence[Drawing]) -> str:
         overall_figures=[f for f in figures if f.log is None and f.name not in (*REPORTED, "profile")],
         depth_figures=[f for f in figures if f.name == "profile"],
         intervals=tables.method_table(result),
-        accuracy=tables.accuracy_rows(result.accuracy_table or ()),
+        accuracy=tables.accuracy_table(result.accuracy),
         answers=tables.answer_table(columns),
         effects=tables.effects_table(result.effects.reasons),
         chosen=wording.EFFECTS_CHOSEN.get(result.effects.chosen, "") + f" {wording.EFFECT_SIZES}" * sizes,
@@ -202,7 +202,6 @@ def _provenance(result: Result) -> list[tuple[str, str]]:
     tried = ", ".join(dict.fromkeys(f"{trial.strategy} ({trial.status.replace('_', ' ')})" for trial in result.search))
     seconds = ", ".join(f"{stage} {quantity(value, 's', 3)}" for stage, value in result.timing_s.items())
     rows = {"search": tried, "no time for": ", ".join(result.not_tried), "time": seconds}
-    rows["accuracy"] = wording.accuracy_text(result.accuracy).removeprefix("accuracy ")
     for key, value in result.provenance.items():
         if isinstance(value, Mapping):
             # what was asked of the fit beyond its values: "accuracy default, profile, bootstrap 200"

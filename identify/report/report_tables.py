@@ -19,6 +19,7 @@ FAR = 4.0  # standard errors beyond which a stated value stands out
 LOGS_PER_TABLE = 6
 MOST_CLASSICAL_COLUMNS = 60
 CAUSE_UNITS = {"stiffness": "N/m", "drive_speed": "m/s", "force_zero": "N", "load_zero": "N", "sensor_lag": "s"}
+LARGEST_ERROR = "largest error (SE)"
 HEADINGS = ("run", "step", "stroke", "direction")  # of a stroke
 
 
@@ -101,27 +102,29 @@ def summary(result: Result, costs: bool = False) -> str:
         gone = ", ".join(reason.effect for reason in result.effects.reasons if not reason.kept)
         lines.append(wording.wrapped(f"effects chosen: {', '.join(result.effects.names)}", "  "))
         lines += [wording.wrapped(f"left out: {gone or 'none'}; why: see the report", "  "), ""]
-    last = [report_wording.accuracy_text(result.accuracy)] if costs else []
-    last += ["what accuracy costs: see the report"] if result.accuracy_table else []
+    if costs and result.accuracy:
+        lines += [accuracy_table(result.accuracy).select("accuracy", "seconds", "steps", LARGEST_ERROR).to_text(), ""]
+    last = []
     for name, *_, verdict in table.cells:
         if verdict.value not in ("identified", "fixed") and verdict.note:
             last.append(f"{name.value}: {verdict.note}")
-    return "\n".join([*lines, *(wording.wrapped(line, "  ") for line in last if line)])
+    return "\n".join([*lines, *(wording.wrapped(line, "  ") for line in last)])
 
 
-def accuracy_rows(table: Sequence[schema.AccuracyLevel]) -> OutputTable:
-    """What each level of accuracy costs, and by how many standard errors its steps move each parameter."""
-    names = list(dict.fromkeys(name for level in table for name in level.left_in_standard_errors or {}))
-    rows = []
-    for level in table:
-        errors = map((level.left_in_standard_errors or {}).get, names)
-        row: list[Cell | int | None] = [
-            Cell(level.accuracy),
-            Cell(level.seconds, number(level.seconds, 3)),
-            level.steps,
-        ]
-        rows.append((*row, *(Cell(value, number(value, 2)) for value in errors)))
-    heads = ("accuracy", "seconds", "steps", *(f"{plain_symbol(name)} (SE)" for name in names))
+def accuracy_table(accuracy: schema.AccuracyResult | None) -> OutputTable:
+    """What each level of accuracy costs, what the equations and each effect take of it, and how many standard errors
+    its steps leave in each parameter."""
+    levels, rows = accuracy.levels if accuracy else (), list[Row]()
+    names = list(dict.fromkeys(name for level in levels for name in level.left_in_standard_errors or {}))
+    for level in levels:
+        errors = (level.error_in_standard_errors, *map((level.left_in_standard_errors or {}).get, names))
+        shown = (Cell(level.seconds, number(level.seconds, 2)), level.steps, *(Cell(e, number(e, 2)) for e in errors))
+        rows.append((level.accuracy if level.estimated else f"{level.accuracy} (taken)", *shown))
+        for name, seconds in {"the equations": accuracy.equations_s, **accuracy.effects_s}.items() if accuracy else ():
+            if not level.estimated and seconds:
+                empty = [Cell(text=" ")] * (2 + len(names))
+                rows.append((f"of it {name.replace('_', ' ')}", Cell(seconds, number(seconds, 2)), *empty))
+    heads = ("accuracy", "seconds", "steps", LARGEST_ERROR, *(f"{plain_symbol(name)} (SE)" for name in names))
     return OutputTable("What accuracy costs", heads, tuple(rows))
 
 

@@ -7,7 +7,6 @@ from collections.abc import Iterator, Mapping
 
 from identify.base.result import (
     VERDICTS,
-    AccuracyResult,
     DistributionResult,
     Result,
     Status,
@@ -144,24 +143,6 @@ def distribution_lines(result: Result) -> Iterator[tuple[str, str, str]]:
 
 def _range(entry: DistributionResult, unit: str) -> str:
     return range_text(entry.quantiles["5"].value, entry.quantiles["95"].value, unit, 2)
-
-
-def accuracy_text(accuracy: AccuracyResult | None) -> str:
-    """What the accuracy of a fit cost, what the other levels would, and each effect's part of it; "" if unknown."""
-    if accuracy is None:
-        return ""
-    texts = {}
-    for level in accuracy.levels:
-        error = level.error_in_standard_errors
-        left = "an unknown error" if error is None else f"{error:.2g} standard errors"
-        about, unit = ("", " of processor time") if level.accuracy == accuracy.taken else ("about ", "")
-        texts[level.accuracy] = f"{about}{level.seconds:.2g} s{unit}, steps leave {left}"
-    taken = texts.pop(accuracy.taken)
-    others = "; ".join(f"{name}: {text}" for name, text in texts.items())
-    dearest = sorted(accuracy.effects_s.items(), key=lambda item: -item[1])
-    effects = ", ".join(f"{name.replace('_', ' ')} {seconds:.2g} s" for name, seconds in dearest if seconds)
-    equations = f". The equations of the model took {accuracy.equations_s:.2g} s of it: {effects}" if dearest else ""
-    return f"accuracy {accuracy.taken}: {taken}. Estimated, {others}{equations}"
 
 
 def tolerances_text(tolerances: Mapping[str, ToleranceResult]) -> str:

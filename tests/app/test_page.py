@@ -202,7 +202,7 @@ def result_is_seen(page):
     assert all(words in told for words in ("μₛ", "identified", "95 % interval", "rig exact"))
     assert "noise alone, to compare runs on this rig" in page.ask("document.querySelector('#view').innerText")
     price = page.ask("document.querySelector('#price').textContent")
-    assert "accuracy default: " in price and "tight: about " in price and "contact ageing" in price
+    assert "default (taken)" in price and "tight" in price and "of it contact ageing" in price
     drawn(page, "#residuals")
     page.press("Pictures of each log (4)")
     shots = "[...document.querySelectorAll('.pictures img')]"

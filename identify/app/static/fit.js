@@ -68,7 +68,7 @@ async function result(host, path, second, session) {
       element("small", {}, "Files: ", seen.files.map((name) => [element("a", { href: fileAddress(`${path}/${name}`, true) }, name), " "]))));
   if (seen.uneven) unevenView(host, seen.uneven);
   put(host, parameters(seen, two, second));
-  put(host, element("details", {}, element("summary", {}, "Accuracy and computing time"), element("p", { id: "price" }, seen.accuracy_line ? `${seen.accuracy_line}.` : seen.timing_s?.total ? `It took ${plain(seen.timing_s.total, 2)} s.` : "")));
+  put(host, element("details", {}, element("summary", {}, "Accuracy and computing time"), seen.costs.rows.length ? shownTable(seen.costs, { id: "price" }) : element("p", {}, `It took ${plain(seen.timing_s?.total, 2)} s.`)));
   const close = residualView(host, path, seen, session);
   const entries = seen.logs.filter((log) => log.left_out || log.text);
   if (entries.length) put(host, element("h3", {}, "What follows from it, log by log"), entries.map((log, i) => element("details", { open: i === 0 }, element("summary", {}, element("strong", {}, log.path), log.left_out ? " (left out)" : ""), element("p", {}, log.left_out ?? log.text))));
