@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
@@ -17,7 +18,6 @@ from identify.effects import ALL, MAIN, NAMES
 from identify.effects.quantities import Parameter
 from identify.model.model import BASE_PARAMETERS, RIG_PARAMETERS, assemble
 from identify.scene.tables import (
-    AREA_LAW,
     CONTACT,
     DAMPING,
     INITIAL,
@@ -27,11 +27,14 @@ from identify.scene.tables import (
     TIED,
     Key,
     TomlTable,
+    inner,
     part,
     share,
+    table_schema,
     text,
+    words,
 )
-from identify.scene.toml import TOP, Tables, is_rig, located, to_fill_in
+from identify.scene.toml import Tables, is_rig, located, to_fill_in
 from identify.scene.values import (
     LOG,
     RIG_TOLERANCES,
@@ -45,7 +48,37 @@ from identify.scene.values import (
 )
 
 Effects = tuple[str, ...] | Literal["auto"]
-AREA = '[contact] area = "0.8 cm^2"'
+LOGGED: Mapping[str, Key] = {**LOG, "drive": RIG["drive"]}
+TOLERATED: Mapping[str, Key] = {"value": Key(), "tolerance": Key(read=part)}
+TOP: Mapping[str, Key] = dict.fromkeys("effects extrapolate rig parameters quality logs".split(), Key()) | {
+    "name": Key(read=text),
+    **{
+        name: Key(read=partial(inner, f"[{name}]", keys, f"[{name}] {example}"))
+        for name, keys, example in (
+            ("contact", CONTACT, 'area = "0.8 cm^2"'),
+            ("initial", INITIAL, 'elongation = "0 mm"'),
+            ("fit", {"time_limit": Key("s", sign=POSITIVE)}, 'time_limit = "60 s"'),
+            ("tolerances", dict.fromkeys(USUAL_TOLERANCES, SHARE), 'stiffness = "2 %"'),
+        )
+    },
+}
+
+
+def scene_schema() -> dict[str, object]:
+    """The JSON schema of a scene file, by which editors complete and check it."""
+    quantity, names = Key().schema, {"type": "array", "items": {"enum": list(NAMES)}}
+    rig = {name: {"anyOf": [key.schema, table_schema(TOLERATED, "value")]} for name, key in RIG.items()}
+    parameter = {"anyOf": [quantity, table_schema(parameter_keys(""))]}
+    tables = {
+        "effects": {"anyOf": [{"const": "auto"}, names]},
+        "extrapolate": names,
+        "rig": {"anyOf": [{"type": "string"}, table_schema({}) | {"properties": rig}]},
+        "parameters": table_schema({}) | {"properties": {p.name: parameter for p in declared_by("auto")}},
+        "quality": {"type": "object"},
+        "logs": {"type": "array", "items": table_schema(LOGGED, "path")},
+    }
+    whole = {name: key.schema for name, key in TOP.items()} | tables
+    return table_schema({}, "effects", "rig") | {"properties": whole}
 
 
 def read_parts(document: Mapping[str, object], folder: Path, name: str) -> Tables:
@@ -68,22 +101,14 @@ def read_parts(document: Mapping[str, object], folder: Path, name: str) -> Table
     effects, extrapolate = _effects(document.get("effects"), document.get("extrapolate", []))
     parameters = document.get("parameters", {})
     rig, ratio = _rig(document.get("rig"), effects)
-    table, example = TomlTable.of(document.get("contact", {}), "[contact]", CONTACT, AREA), "{ coefficient, exponent }"
-    law = TomlTable.of(table.data.get("area_law", {}), table.place("area_law"), AREA_LAW, example)
-    if len(table.data) == 2 or len(law.data) == 1:
-        raise SceneError(f"[contact] expects either an area or area_law = {example}; keep exactly one")
-    contact = Contact(table.get("area"), law.get("coefficient"), law.get("exponent"))
+    area: Tables = top.get("contact") or {}
+    law = area.get("area_law", {})
+    if len(area) == 2 or len(law) == 1:
+        raise SceneError("[contact] expects either an area or area_law = { coefficient, exponent }; keep exactly one")
+    contact = Contact(area.get("area"), law.get("coefficient"), law.get("exponent"))
     logs = document.get("logs", [])
     if not isinstance(logs, Sequence) or isinstance(logs, str):
         raise SceneError(f'[[logs]] is {logs!r}; expected one [[logs]] table per log, each with path = "…"')
-    tables = {
-        each: TomlTable.of(document.get(each, {}), f"[{each}]", keys, f"[{each}] {example}").values()
-        for each, keys, example in (
-            ("initial", INITIAL, 'elongation = "0 mm"'),
-            ("fit", {"time_limit": Key("s", sign=POSITIVE)}, 'time_limit = "60 s"'),
-            ("tolerances", dict.fromkeys(USUAL_TOLERANCES, SHARE), 'stiffness = "2 %"'),
-        )
-    }
     name = top.get("name") or name
     if set(name) & set("/\0"):
         raise SceneError(f"name is {name!r}; expected a word that a folder can be called: leave out the slashes")
@@ -94,11 +119,11 @@ def read_parts(document: Mapping[str, object], folder: Path, name: str) -> Table
         "rig": rig,
         "parameters": read_parameters(parameters, declared_by(effects), contact.parameters),
         "logs": tuple(_log_entry(entry, number, folder, ratio) for number, entry in enumerate(logs, 1)),
-        "initial": Initial(**tables["initial"]),
+        "initial": Initial(**(top.get("initial") or {})),
         "contact": contact,
         "thresholds": _thresholds(document.get("quality", {})),
-        "time_limit": tables["fit"].get("time_limit", DEFAULT_TIME_LIMIT),
-        "tolerances": tables["tolerances"],
+        "time_limit": (top.get("fit") or {}).get("time_limit", DEFAULT_TIME_LIMIT),
+        "tolerances": top.get("tolerances") or {},
     }
 
 
@@ -124,10 +149,10 @@ def _rig(value: object, effects: Effects) -> tuple[Rig, float | None]:
         number, tolerance = table.data[key], None
         if isinstance(number, Mapping):
             example = '{ value = "0.2 kg", tolerance = "2 %" }'
-            inner = TomlTable.of(number, table.place(key), {"value": Key(), "tolerance": Key(read=part)}, example)
+            both = TomlTable.of(number, table.place(key), TOLERATED, example)
             if "value" not in number:
-                raise SceneError(f"{inner.where} has no value; write {{ value = …, tolerance = … }}")
-            number, tolerance = number["value"], inner.get("tolerance")
+                raise SceneError(f"{both.where} has no value; write {{ value = …, tolerance = … }}")
+            number, tolerance = number["value"], both.get("tolerance")
         values[key] = RIG[key].read(number, RIG[key].unit, table.place(key))
         if tolerance is not None:
             tolerances["damping" if key in DAMPING else key] = tolerance
@@ -164,9 +189,7 @@ def _drive(table: TomlTable, speed: DriveSpeed | None) -> DriveSpeed | None:
 
 def _log_entry(value: object, number: int, folder: Path, ratio: float | None) -> LogEntry:
     """One log of the scene; the damping follows its own stiffness where [rig] states it by the ratio h/k."""
-    table = TomlTable.of(
-        value, f"[[logs]] number {number}", {**LOG, "drive": RIG["drive"]}, '[[logs]] path = "slow.csv"'
-    )
+    table = TomlTable.of(value, f"[[logs]] number {number}", LOGGED, '[[logs]] path = "slow.csv"')
     if "path" not in table.data:
         raise SceneError(f'{table.where} has no path; give path = "slow.csv", relative to the scene file')
     values = table.values()
@@ -288,9 +311,17 @@ def _check_admitted(where: str, number: float | None, p: Parameter) -> None:
         )
 
 
+def parameter_keys(unit: str) -> dict[str, Key]:
+    """What a table of [parameters] holds, of a parameter with this unit."""
+    return dict.fromkeys(("start", "lower", "upper", "fixed"), Key(unit)) | {
+        "prior": Key(read=words),
+        "per": Key(read=text),
+    }
+
+
 def _parameter(value: object, p: Parameter) -> ParameterSpec:
     """What [parameters] says of one parameter; the sd of a prior may be a share of its mean."""
-    where, number = f"[parameters] {p.name}", Key(p.unit)
+    where = f"[parameters] {p.name}"
     if p.kind == "given" and isinstance(value, (str, int, float)):  # a bare value holds it there
         value = {"fixed": value}
     if p.kind == "given" and isinstance(value, Mapping) and not {"fixed", *SEARCHED} & set(value):
@@ -298,17 +329,15 @@ def _parameter(value: object, p: Parameter) -> ParameterSpec:
             f"{where} has {'bounds' if value else 'an empty table'} only, and is taken as given; write a start or a "
             "prior to have it searched, or its value alone to hold it there"
         )
-    known = dict.fromkeys(("start", "lower", "upper", "fixed"), number) | {"prior": Key(), "per": Key(read=text)}
     start = f'"{p.default:g} {p.unit}"' if p.unit else p.default
-    table = TomlTable.of(value, where, known, f"{p.name} = {{ start = {start} }}")
+    table = TomlTable.of(value, where, parameter_keys(p.unit), f"{p.name} = {{ start = {start} }}")
     if p.name in RIG_PARAMETERS and "fixed" in table.data:
         raise SceneError(f"{where} is fixed, but its value stands in [rig]; drop the line to keep it there")
     lower, upper = table.get("lower"), table.get("upper")
     for word, bound in (("lower", lower), ("upper", upper)):
         _check_admitted(table.place(word), bound, p)
-    prior = TomlTable.of(
-        table.data.get("prior", {}), table.place("prior"), {"mean": number, "sd": number}, "{ mean = …, sd = … }"
-    )
+    moments = dict.fromkeys(("mean", "sd"), Key(p.unit))
+    prior = TomlTable.of(table.data.get("prior", {}), table.place("prior"), moments, "{ mean = …, sd = … }")
     if len(prior.data) == 1:
         raise SceneError(f"{prior.where} has only {next(iter(prior.data))!r}; give both mean and sd")
     mean, relative = prior.get("mean"), share(prior.data.get("sd"), prior.place("sd"))

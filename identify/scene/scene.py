@@ -20,7 +20,7 @@ from identify.base.wording import DASH, quantity, wrapped
 from identify.effects import ALL
 from identify.effects.quantities import Parameter
 from identify.model.model import FRICTION_PARAMETERS, RIG_PARAMETERS, Model, assemble
-from identify.scene.parts import declared_by, default_spec, known_effects, read_parts
+from identify.scene.parts import declared_by, default_spec, known_effects, read_parts, scene_schema
 from identify.scene.tables import TIED, Course
 from identify.scene.toml import Tables, question_bare_numbers, read_toml, with_rig_file
 from identify.scene.values import EACH_LOG, Contact, DriveSpeed, Initial, LogEntry, ParameterSpec, Rig
@@ -132,6 +132,8 @@ class Scene(Spelled):
         raise SceneError(
             f"{given!r:.60} is no scene; expected a Scene, the path of a scene file, or its tables as a dict"
         )
+
+    json_schema = staticmethod(scene_schema)
 
     def as_document(self) -> Tables:
         """The scene as JSON-able tables, SI numbers, absolute log paths; `from_document` rebuilds it.

@@ -6,6 +6,7 @@ import math
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from pathlib import PurePath
 from typing import Any
@@ -13,6 +14,7 @@ from typing import Any
 from data_io.spelling import nearest
 from data_io.units import UnitError, parse_quantity
 from data_io.values import SIZES
+from identify.base.document import EXPECTED, JSON_TYPES
 from identify.base.errors import SceneError
 from identify.model.composition import FORCE_SENSORS
 
@@ -154,26 +156,23 @@ def spans(value: object, unit: str, where: str) -> tuple[tuple[float, float], ..
     return tuple(span(pair, unit, where) for pair in (value if isinstance(value, list | tuple) else [value]))
 
 
-def of_kind(kind: type, name: str) -> Reader:
-    """A value of just this type, by its name for people."""
-
-    def read(value: object, _unit: str, where: str) -> object:
-        if type(value) is not kind:
-            raise SceneError(f"{where} is {value!r}; expected {name}: correct it")
-        return value
-
-    return read
+def of_kind(kind: type, value: object, _unit: str, where: str) -> object:
+    """A value of just this type."""
+    if type(value) is not kind:
+        raise SceneError(f"{where} is {value!r}; expected {EXPECTED[kind]}: correct it")
+    return value
 
 
-def one_of(known: Sequence[str]) -> Reader:
+def one_of(known: Sequence[str], value: object, _unit: str, where: str) -> object:
     """One of a few words."""
+    if value not in known:
+        raise SceneError(f"{where} is {value!r}; expected {' or '.join(map(repr, known))}: correct it")
+    return value
 
-    def read(value: object, _unit: str, where: str) -> object:
-        if value not in known:
-            raise SceneError(f"{where} is {value!r}; expected {' or '.join(map(repr, known))}: correct it")
-        return value
 
-    return read
+def inner(where: str, keys: Mapping[str, Key], example: str, value: object, *_: str) -> dict[str, Any]:
+    """The values of a table of the scene."""
+    return TomlTable.of(value, where, keys, example).values()
 
 
 def text(value: object, _unit: str, where: str) -> str:
@@ -208,6 +207,32 @@ class Key:
     limit: float = math.inf
     usual: tuple[float, float, str] | None = None
 
+    @property
+    def schema(self) -> dict[str, object]:
+        """The JSON schema of what may stand there."""
+        if not isinstance(self.read, partial):
+            return {"type": SHAPES[self.read]}
+        if self.read.func is inner:
+            return table_schema(self.read.args[1])
+        first = self.read.args[0]
+        return {"type": JSON_TYPES[first]} if self.read.func is of_kind else {"enum": list(first)}
+
+
+QUANTITY, LIST, TABLE = ["number", "string"], ["array"], ["object"]
+SHAPES: Mapping[Reader, list[str]] = {
+    **dict.fromkeys((stated, part), QUANTITY),
+    **dict.fromkeys((speed, zero), QUANTITY + LIST),
+    **dict.fromkeys((span, spans), LIST),
+    **dict.fromkeys((course, words), TABLE),
+    text: ["string"],
+}
+
+
+def table_schema(keys: Mapping[str, Key], *required: str) -> dict[str, object]:
+    """The JSON schema of a table with none but these keys."""
+    shapes = {name: key.schema for name, key in keys.items()}
+    return {"type": "object", "properties": shapes, "required": list(required), "additionalProperties": False}
+
 
 POSITIVE, NOT_NEGATIVE = "positive", "not negative"
 SHARE = Key(read=part, sign=NOT_NEGATIVE, limit=1.0)
@@ -225,7 +250,7 @@ RIG: Mapping[str, Key] = {
     "drive": Key("m/s", course),
     "normal_force": Key("N", sign=POSITIVE, usual=(1e-4, 1e4, "mN")),
     "noise": Key("N", sign=POSITIVE),
-    "force_sensor": Key(read=one_of(FORCE_SENSORS)),
+    "force_sensor": Key(read=partial(one_of, FORCE_SENSORS)),
     "arm": Key("m", sign=POSITIVE, usual=(1e-4, 10.0, "mm")),
 }
 SINE: Mapping[str, Key] = {
@@ -233,8 +258,11 @@ SINE: Mapping[str, Key] = {
     "frequency": Key("Hz", sign=POSITIVE),
     "phase": Key("rad"),
 }
-CONTACT: Mapping[str, Key] = {"area": Key("m^2", sign=POSITIVE), "area_law": Key()}
 AREA_LAW: Mapping[str, Key] = {"coefficient": Key("m^2", sign=POSITIVE), "exponent": Key()}
+CONTACT: Mapping[str, Key] = {
+    "area": Key("m^2", sign=POSITIVE),
+    "area_law": Key(read=partial(inner, "[contact] area_law", AREA_LAW, "{ coefficient, exponent }")),
+}
 INITIAL: Mapping[str, Key] = {"elongation": Key("m"), "sliding_speed": Key("m/s"), "gamma": Key()}
 
 

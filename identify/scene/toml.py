@@ -14,16 +14,12 @@ from data_io.open import contents_of
 from data_io.source import Request, load
 from data_io.values import LogError
 from identify.base.errors import SceneError
-from identify.scene.tables import RIG, Key
-from identify.scene.tables import text as read_text
+from identify.scene.tables import RIG
 
 DEEPEST = 10  # tables of a scene within each other
 LONGEST_INTEGER = 10_000  # bits
 Tables = dict[str, Any]
 BACKSLASH = "a backslash within \" begins an escape: write paths of Windows within ', as in 'C:\\logs\\new.txt'"
-TOP: Mapping[str, Key] = dict.fromkeys(
-    "effects extrapolate rig contact initial parameters quality fit tolerances logs".split(), Key()
-) | {"name": Key(read=read_text)}
 
 
 def read_toml(path: Path, overrides: Sequence[str] = ()) -> Tables:

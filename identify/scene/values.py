@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Annotated, get_type_hints
 
@@ -197,8 +198,8 @@ class LogEntry:
 
     path: Annotated[Path, Key(read=tables.text)]
     drive_speed: Annotated[DriveSpeed | None, RIG["drive_speed"]] = None
-    step: Annotated[int | None, Key(read=tables.of_kind(int, "a whole number"))] = None
-    run: Annotated[int | None, Key(read=tables.of_kind(int, "a whole number"))] = None
+    step: Annotated[int | None, Key(read=partial(tables.of_kind, int))] = None
+    run: Annotated[int | None, Key(read=partial(tables.of_kind, int))] = None
     columns: Annotated[Mapping[str, str] | None, Key(read=tables.words)] = None
     units: Annotated[Mapping[str, str] | None, Key(read=tables.words)] = None
     normal_force: Annotated[float | None, RIG["normal_force"]] = None
@@ -208,12 +209,12 @@ class LogEntry:
     noise: Annotated[float | None, RIG["noise"]] = None
     window: Annotated[tuple[float, float] | None, Key("s", tables.span)] = None
     exclude: Annotated[tuple[tuple[float, float], ...], Key("s", tables.spans)] = ()
-    skip_cycles: Annotated[int, Key(read=tables.of_kind(int, "a whole number"), sign=NOT_NEGATIVE)] = 0
+    skip_cycles: Annotated[int, Key(read=partial(tables.of_kind, int), sign=NOT_NEGATIVE)] = 0
     tare: Annotated[float | tuple[float, float] | None, Key("N", tables.zero)] = None
     normal_tare: Annotated[float | tuple[float, float] | None, Key("N", tables.zero)] = None
     crosstalk: Annotated[float | None, Key(read=tables.part, limit=1.0)] = None
     tilt: Annotated[float | None, Key("rad", limit=math.pi / 4)] = None
-    flip_sign: Annotated[bool | None, Key(read=tables.of_kind(bool, "true or false"))] = None
+    flip_sign: Annotated[bool | None, Key(read=partial(tables.of_kind, bool))] = None
     labels: Annotated[Mapping[str, str], Key(read=tables.words)] = field(default_factory=dict)
     rate: Annotated[float | None, Key("Hz", sign=POSITIVE)] = None
     arm: Annotated[float | None, RIG["arm"]] = None

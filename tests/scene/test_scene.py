@@ -3,10 +3,12 @@
 import json
 import math
 import re
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from jsonschema import Draft202012Validator
 
 from identify import Scene, examples, simulate
 from identify.base.errors import FitError
@@ -126,6 +128,11 @@ def test_document_rebuilds_the_scene(scene_file):
     document = json.loads(json.dumps(scene.as_document(), allow_nan=False))
     assert Scene.from_document(document) == scene
     assert Scene.from_document(document, "/elsewhere").logs == scene.logs, "log paths in a document are absolute"
+    schema = Draft202012Validator(Scene.json_schema())
+    for valid in (document, tomllib.loads(GOOD), {**document, "effects": "auto", "rig": "rig.toml"}):
+        assert not list(schema.iter_errors(valid))
+    for wrong in ({"effect": []}, {"rig": {"mas": 1}}, {"logs": [{"path": 1}]}, {"effects": ["inertie"]}):
+        assert not schema.is_valid(document | wrong)
     document["rig"]["mass"]["value"] = 0.3
     assert Scene.from_document(document) != scene
 

@@ -4,6 +4,7 @@ import json
 import math
 
 import pytest
+from jsonschema import Draft202012Validator
 
 from identify.base.errors import SceneError
 from identify.effects import ALL, MAIN, NAMES
@@ -33,6 +34,7 @@ def test_scenes_with_every_effect_are_rebuilt_from_their_document(effect):
     scene = scene_of(with_effect(effect.name), extrapolate=_measured(effect), contact={"area": "1 cm^2"})
     document = json.loads(json.dumps(scene.as_document(), allow_nan=False))
     assert Scene.from_document(document) == scene
+    assert Draft202012Validator(Scene.json_schema()).is_valid(document)
 
 
 def test_given_parameters_are_held_unless_asked_for():
