@@ -115,7 +115,8 @@ def _in_si(
 ) -> tuple[_SiStep, list[Finding]]:
     """Return one step in SI and what was noticed; alone: the window counts from its first row."""
     _check_roles(source, request, part, label)
-    _refuse_doubtful_roles(source, request, part)
+    if not settled:  # else the columns have the names of their roles
+        _refuse_doubtful_roles(source, request, part)
     notes = _choices(request, part)  # before any column is turned into SI where it stands
     raw_time = _role(source, request, part, "time")
     wanted: Rows = slice(None)

@@ -127,7 +127,8 @@ _STAMPED_LINE: Final = re.compile(rb"(?:^|[\r\n])\[?[\d:., T/-]{8,32}?(?:\]| ?-?
 
 def is_stamped(head: bytes) -> bool:
     """Tell by lines that begin with a time of the day in square brackets or before an arrow."""
-    if _STAMPED_LINE.search(head) is None or not looks_like_text(head):
+    marked = b"] " in head or b"> " in head
+    if not marked or _STAMPED_LINE.search(head) is None or not looks_like_text(head):
         return False
     lines = [line for line in as_utf8(head).decode().split("\n")[:100] if line.strip()]
     stamped = sum(_parted(line) is not None for line in lines)
@@ -169,10 +170,9 @@ _RUN_LINE = re.compile(r"[ \t]*Run\s*+(?:No\.?|#)\s*+(?:[:=-]\s*+)?(\d{1,9})[ \t
 _BREAK = re.compile(f"(?:{_STEP_LINE.pattern})|(?:{_RUN_LINE.pattern})", re.IGNORECASE | re.MULTILINE)
 # in the bytes a line may end in CR LF, LF or CR
 _SIGN = re.compile(
-    rb"(?:^|[\r\n])[ \t]*Step\s*+No\.?\s*+(?:[:=-]\s*+)?\d{1,9}[ \t,;]*(?:[\r\n]|$)|^\W{0,4}Created by CETR",
-    re.IGNORECASE,
+    rb"(?:^|[\r\n])[ \t]*Step\s*+No\.?\s*+(?:[:=-]\s*+)?\d{1,9}[ \t,;]*(?:[\r\n]|$)", re.IGNORECASE
 )
-_CETR = re.compile(rb"Created by CETR", re.IGNORECASE)
+_CETR = re.compile(rb"\W{0,4}Created by CETR", re.IGNORECASE)
 _BRUKER = re.compile(rb"bruker|tribolab", re.IGNORECASE)
 _ITEM = re.compile(r"(.+?)\s*(?:=|:(?=\s|$)|\s-(?=\s))\s*(.*)")
 _FOLDER = re.compile(r"[A-Za-z]:\\")
@@ -183,12 +183,12 @@ _PHRASE = re.compile(r"(Script file|Run date|Created by)\s+(.*)", re.IGNORECASE)
 def _has_steps(head: bytes) -> bool:
     """Tell whether a text holds a `Step No.` line; odd bytes may stand in its preamble."""
     plain = head.replace(b"\x00", b"")
-    return looks_like_text(plain.translate(None, _ODD)) and _SIGN.search(plain) is not None
+    return b"step" in plain.lower() and _SIGN.search(plain) is not None and looks_like_text(plain.translate(None, _ODD))
 
 
 def is_cetr(head: bytes) -> bool:
     """Tell a CETR text by its `Step No.` line or its first line."""
-    return _has_steps(head) or _CETR.match(head.lstrip(b"\xef\xbb\xbf \t\r\n")) is not None
+    return _has_steps(head) or _CETR.match(head.replace(b"\0", b"").lstrip(b"\xef\xbb\xbf \t\r\n")) is not None
 
 
 def is_bruker(head: bytes) -> bool:

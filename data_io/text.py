@@ -2,6 +2,7 @@
 
 import codecs
 import csv
+import functools
 import mmap
 import re
 from collections.abc import Sequence
@@ -67,6 +68,7 @@ def _as_cp1252(error: UnicodeError) -> tuple[str, int]:
 codecs.register_error("data_io.cp1252", _as_cp1252)
 
 
+@functools.lru_cache(maxsize=4)  # every reader of text asks
 def looks_like_text(head: bytes) -> bool:
     """Tell text from binary by the first bytes: a Unicode mark, or hardly any control characters and some print."""
     if any(head.startswith(mark) for mark, _ in _BOMS) or _without_mark(head):
