@@ -1,6 +1,5 @@
 """Clocks: as loggers leave them, rounded stamps of even ones, gaps and repeated stamps, steps that restart."""
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
@@ -15,6 +14,7 @@ from data_io.columns import Header, Name, match_names, role_of, shown
 from data_io.contents import Contents, Part, with_column
 from data_io.record import rises, step_range
 from data_io.source import Request, Source
+from data_io.text import read_date
 from data_io.units import factor
 from data_io.values import COLUMN_ROLES, LONGEST_GAP, Finding, FloatArray, UnitError
 
@@ -121,13 +121,6 @@ def _grid(time: FloatArray) -> float:
 
 # One rising clock from the clocks of the steps: gaps in a clock, repeated stamps, restarts, starting times.
 
-_MONTHS: Final = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
-_TIME = re.compile(r"(\d{1,2}):(\d\d):(\d\d)(?:[.,](\d+))?")
-_WORD_DATE = re.compile(r"\b(\d{1,2})[ .-]+([A-Za-z]{3})[a-z]*\.?[ ,-]+(\d{4})\b")
-_ISO_DATE = re.compile(r"\b(\d{4})[-/.](\d{1,2})[-/.](\d{1,2})\b")
-_NUMBER_DATE = re.compile(r"\b(\d{1,2})/(\d{1,2})/(\d{2,4})\b")
-
-
 Rows = npt.NDArray[np.intp] | slice
 """Which rows of a step are kept; a slice where it is all of them, which copies nothing."""
 
@@ -142,26 +135,6 @@ class StepClock:
     label: str
     time: FloatArray
     started: datetime | None = None
-
-
-def read_date(text: str) -> datetime | None:
-    """Read `12:21:58.029 12 May 2022`, `2022-05-12 12:21:58` or `05/12/22 14:43:46` (month first); None elsewhere."""
-    clock = _TIME.search(text)
-    if clock is None:
-        return None
-    micro = int((clock[4] or "0")[:6].ljust(6, "0"))
-    day, month, year = 1, 1, 2000
-    if (word := _WORD_DATE.search(text)) and word[2].lower() in _MONTHS:
-        day, month, year = int(word[1]), _MONTHS.index(word[2].lower()) + 1, int(word[3])
-    elif iso := _ISO_DATE.search(text):
-        year, month, day = int(iso[1]), int(iso[2]), int(iso[3])
-    elif number := _NUMBER_DATE.search(text):
-        month, day, year = int(number[1]), int(number[2]), int(number[3])
-        year += 2000 if year < 100 else 0
-    try:
-        return datetime(year, month, day, int(clock[1]), int(clock[2]), int(clock[3]), micro)
-    except ValueError:
-        return None
 
 
 def seconds_apart(stamps: Sequence[str]) -> list[float]:

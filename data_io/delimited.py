@@ -8,13 +8,13 @@ from typing import Final
 
 import numpy as np
 
-from data_io.clock import read_date, with_even_clock
+from data_io.clock import with_even_clock
 from data_io.columns import Header, Name, coefficient_column, find_column, role_indices, shown, with_unit
 from data_io.contents import Contents, Part
 from data_io.layout import Head, is_row, line_at
 from data_io.source import Request, Source
 from data_io.table import read_below, read_tables
-from data_io.text import BLANKS, DELIMITERS, as_utf8, is_clock_time, looks_like_text, split
+from data_io.text import BLANKS, DELIMITERS, as_utf8, is_clock_time, looks_like_text, read_date, split
 from data_io.values import Finding, FloatArray, Step, free_name
 from data_io.write import CSV_MARK, FORMAT_VERSION, read_account
 
@@ -169,9 +169,7 @@ _STEP_LINE = re.compile(r"[ \t]*Step\s*+(?:No\.?|#)\s*+(?:[:=-]\s*+)?(\d{1,9})[ 
 _RUN_LINE = re.compile(r"[ \t]*Run\s*+(?:No\.?|#)\s*+(?:[:=-]\s*+)?(\d{1,9})[ \t,;]*$", re.IGNORECASE)
 _BREAK = re.compile(f"(?:{_STEP_LINE.pattern})|(?:{_RUN_LINE.pattern})", re.IGNORECASE | re.MULTILINE)
 # in the bytes a line may end in CR LF, LF or CR
-_SIGN = re.compile(
-    rb"(?:^|[\r\n])[ \t]*Step\s*+No\.?\s*+(?:[:=-]\s*+)?\d{1,9}[ \t,;]*(?:[\r\n]|$)", re.IGNORECASE
-)
+_SIGN = re.compile(rb"(?:^|[\r\n])[ \t]*Step\s*+No\.?\s*+(?:[:=-]\s*+)?\d{1,9}[ \t,;]*(?:[\r\n]|$)", re.IGNORECASE)
 _CETR = re.compile(rb"\W{0,4}Created by CETR", re.IGNORECASE)
 _BRUKER = re.compile(rb"bruker|tribolab", re.IGNORECASE)
 _ITEM = re.compile(r"(.+?)\s*(?:=|:(?=\s|$)|\s-(?=\s))\s*(.*)")

@@ -11,13 +11,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from data_io.clock import CLOCK, read_date, seconds_apart, with_clocks_of_channels, with_even_clock
+from data_io.clock import CLOCK, seconds_apart, with_clocks_of_channels, with_even_clock
 from data_io.columns import Name, match_names, parse_name, shown, with_unit
 from data_io.contents import Contents, Part
 from data_io.layout import Head, is_row, line_at
 from data_io.source import Request, Source
 from data_io.table import Table, read_below, read_tables
-from data_io.text import as_utf8, looks_like_text, split, to_number
+from data_io.text import as_utf8, looks_like_text, read_date, split, to_number
 from data_io.values import Finding, FloatArray
 
 # LabVIEW measurement files (.lvm).

@@ -6,7 +6,7 @@ import functools
 import mmap
 import re
 from collections.abc import Sequence
-from datetime import date
+from datetime import date, datetime, timedelta
 from itertools import pairwise
 from typing import Final
 
@@ -184,7 +184,8 @@ def to_number(token: str, decimal: str) -> float | None:
     return float(token.replace(",", ".").replace("d", "e").replace("D", "e"))
 
 
-# Times of the day and dates in a time column, as seconds: 09:59:58.010, 2024-03-05T09:59:58, 05.03.2024 9:59:58 PM.
+# Times of the day and dates, in a time column as seconds and in a head: 09:59:58.010, 2024-03-05T09:59:58,
+# 05.03.2024 9:59:58 PM, 12 May 2022.
 
 _TIME: Final = (
     r"(?:(?P<h>\d{1,3}):(?P<m>[0-5]?\d):(?P<s>[0-5]?\d(?:[.,:]\d{1,9})?)(?: ?(?P<half>[ap])\.?m\.?)?"
@@ -194,10 +195,11 @@ _DATE: Final = r"(?P<a>\d{1,4})(?P<mark>[-/.])(?P<b>\d{1,2})(?P=mark)(?P<c>\d{1,
 _ZONE: Final = r"(?: ?(?:Z|UTC|GMT|(?P<zone>[+-])(?P<zh>\d{2}):?(?P<zm>\d{2})))?"
 _STAMP: Final = re.compile(rf"(?:{_DATE}[T ,]{{1,2}})?{_TIME}{_ZONE}", re.IGNORECASE)
 DATE_ALONE: Final = re.compile(_DATE)
+_CLOCK: Final = re.compile(_TIME, re.IGNORECASE)
 _MONTHS: Final = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 _NAME: Final = rf"({'|'.join(_MONTHS)})[a-z]{{0,6}}"
-_MONTH: Final = re.compile(rf"(\d{{1,2}})([-. /]){_NAME}\2(\d{{4}})(?=[T ,])", re.IGNORECASE)
-_MONTH_FIRST: Final = re.compile(rf"{_NAME}\.? (\d{{1,2}}),? (\d{{4}})(?=[T ,])", re.IGNORECASE)
+_MONTH: Final = re.compile(rf"(\d{{1,2}})([-. /]){_NAME}\2(\d{{4}})(?=[T ,]|$)", re.IGNORECASE)
+_MONTH_FIRST: Final = re.compile(rf"{_NAME}\.? (\d{{1,2}}),? (\d{{4}})(?=[T ,]|$)", re.IGNORECASE)
 _COMPACT: Final = re.compile(r"(\d{4})(\d\d)(\d\d)T(\d\d)(\d\d)(\d\d)(?!\d)")
 _HOUR: Final = 3600.0
 _DAY: Final = 86400.0
@@ -212,10 +214,37 @@ def _stamp(token: str) -> re.Match[str] | None:
     """Match a time, its date also with a month's name (05-Mar-2024 9:59:58) or without marks (20240305T095958)."""
     if match := _STAMP.fullmatch(token):
         return match
-    plain = _COMPACT.sub(r"\1-\2-\3T\4:\5:\6", token, count=1)
+    return _STAMP.fullmatch(_with_marks(token))
+
+
+def _with_marks(text: str) -> str:
+    """Return a text whose date has numbers and marks: no name of a month, no run of digits."""
+    plain = _COMPACT.sub(r"\1-\2-\3T\4:\5:\6", text, count=1)
     plain = _MONTH_FIRST.sub(r"\2 \1 \3", plain, count=1)
-    plain = _MONTH.sub(lambda m: f"{m[4]}-{_MONTHS.index(m[3].lower()) + 1}-{m[1]}", plain, count=1)
-    return _STAMP.fullmatch(plain)
+    return _MONTH.sub(lambda m: f"{m[4]}-{_MONTHS.index(m[3].lower()) + 1}-{m[1]}", plain, count=1)
+
+
+def _seconds_of_day(match: re.Match[str]) -> float:
+    hour = float(match["h"] or 0.0)
+    if match["half"]:
+        hour = hour % 12.0 + (12.0 if match["half"].lower() == "p" else 0.0)
+    fraction = (match["s"] or match["ss"]).replace(",", ".").replace(":", ".")
+    return 3600.0 * hour + 60.0 * float(match["m"] or match["mm"]) + float(fraction)
+
+
+def read_date(text: str) -> datetime | None:
+    """Read `12:21:58.029 12 May 2022`, `2022-05-12 12:21:58`, `05/12/22 14:43:46` (month first) wherever it stands in a
+    text, the first day of 2000 where it tells no date; None without a time of the day."""
+    plain = _with_marks(text)
+    clock, day = _CLOCK.search(plain), DATE_ALONE.search(plain)
+    if clock is None or clock["h"] is None:
+        return None
+    days = [float(date(2000, 1, 1).toordinal())]
+    if day is not None:
+        order = "ymd" if len(day["a"]) == 4 else "mdy" if day["mark"] == "/" else "dmy"
+        if (days := _days([(int(day["a"]), int(day["b"]), int(day["c"]))], order)) is None:
+            return None
+    return datetime.fromordinal(int(days[0])) + timedelta(seconds=_seconds_of_day(clock))
 
 
 def clock_times(tokens: Sequence[str]) -> tuple[FloatArray, FloatArray | None] | None:
@@ -233,11 +262,7 @@ def clock_times(tokens: Sequence[str]) -> tuple[FloatArray, FloatArray | None] |
             if text.lower() in MISSING:
                 continue
             return None
-        hour = float(match["h"] or 0.0)
-        if match["half"]:
-            hour = hour % 12.0 + (12.0 if match["half"].lower() == "p" else 0.0)
-        fraction = (match["s"] or match["ss"]).replace(",", ".").replace(":", ".")
-        seconds[i] = 3600.0 * hour + 60.0 * float(match["m"] or match["mm"]) + float(fraction)
+        seconds[i] = _seconds_of_day(match)
         if match["a"] is not None:
             days[i] = (int(match["a"]), int(match["b"]), int(match["c"]))
             if match["zone"]:  # summer time may begin or end within a log

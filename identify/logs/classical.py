@@ -13,7 +13,7 @@ from data_io import Record
 from data_io.arrays import kept, thinned
 from data_io.quality import mean_and_drift, presses
 from identify.base.result import ClassicalDirection, ClassicalTable
-from identify.logs.noise import bridged, smooth
+from identify.logs.noise import FEWEST_ROWS, SIGNIFICANT, bridged, smooth
 from identify.logs.recorded_drive import Stroke
 from identify.logs.regime import LogRegime, Verdict
 from identify.logs.segment import SLIDING, SLIP, STICK, Segmentation
@@ -21,9 +21,6 @@ from identify.logs.segment import SLIDING, SLIP, STICK, Segmentation
 Array = NDArray[np.float64]
 Value = float | int | str | None
 Figures = dict[str, tuple[Value, str]]  # by its name a figure, and why there is none where it is None
-
-FEWEST_ROWS = 20
-RUBS = 5.0  # times its noise: a smaller force is that of a drive at rest, and has no trend
 
 DEFINITIONS: Mapping[str, str] = {
     "first_breakaway_coefficient": "force peak that ends the first loading from rest, over the normal force there",
@@ -119,7 +116,7 @@ def _row(part: _Part, stroke: Stroke, verdict: Verdict, stiffness: float | None)
     sliding = part.good & (phases.phase == SLIDING)
     coefficient = part.force[sliding] / part.load[sliding]
     tenth = coefficient.size // 10
-    rubs = tenth and float(np.median(part.force[sliding])) > RUBS * phases.noise
+    rubs = tenth and float(np.median(part.force[sliding])) > SIGNIFICANT * phases.noise  # the drive may stand
     if rubs and (first := float(np.mean(coefficient[:tenth]))) > 0.0:
         trend = 100.0 * (float(np.mean(coefficient[-tenth:])) / first - 1.0)
     few = f"{phases.count} slip(s) are too few" if phases.count else "no slip"

@@ -15,9 +15,9 @@ from data_io import Record
 from data_io.quality import describe_sampling
 from identify.base.wording import speed_text
 from identify.effects import MAIN
-from identify.logs.classical import FEWEST_ROWS
 from identify.logs.drive_changes import drive_changes, summary
 from identify.logs.judgement import RecordPart, judge
+from identify.logs.noise import FEWEST_ROWS
 from identify.logs.recorded_drive import (
     RecordedDrive,
     drive_of,

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from data_io import Record
 from data_io.quality import presses
 from identify.base.wording import quantity
-from identify.logs.classical import FEWEST_ROWS
+from identify.logs.noise import FEWEST_ROWS, SIGNIFICANT
 from identify.logs.recorded_drive import Stroke, one_speed
 from identify.logs.regime import LogRegime, Regime, Verdict
 
@@ -21,7 +21,6 @@ Array = NDArray[np.float64]
 
 MEANS = 2000  # of rows, in which the friction after a velocity step is looked at
 RINGS = 0.15  # of an evolution effect, by which friction leaves the exponential where it is the rig that rings
-CLEAR = 5.0  # standard errors from which on an evolution effect is one
 
 
 @dataclass(frozen=True)
@@ -171,7 +170,7 @@ def _with_effects(change: DriveChange, time: Array, coefficient: Array) -> Drive
     error = np.sqrt(left / (x.size - 3) / np.sum((shape - shape.mean()) ** 2))
     squares, soon = (y - after - above * shape) ** 2, x < 3.0 * length
     rings = float(np.mean(squares[soon]) - np.mean(squares[~soon])) > (RINGS * above) ** 2
-    if abs(above) <= CLEAR * error or length == lengths[0] or rings:
+    if abs(above) <= SIGNIFICANT * error or length == lengths[0] or rings:
         return change
     return replace(
         change, peak_coefficient=after + above, after_coefficient=after, direct_effect=after + above - before,

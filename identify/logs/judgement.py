@@ -15,14 +15,13 @@ from data_io.values import Finding
 from identify.base.result import QualityResult, Value
 from identify.logs.noise import line_slope, slope_error
 from identify.logs.recorded_drive import speed_of, turns_of_sign
-from identify.logs.regime import CERTAIN, FEW, Spectrum, classify
-from identify.logs.segment import SLIDING, STICK, Segmentation, segment
+from identify.logs.regime import CERTAIN, Spectrum, classify
+from identify.logs.segment import FEW_SLIPS, SLIDING, STICK, Segmentation, segment
 
 Array = NDArray[np.float64]
 
 ENDS_LOADING = "the log ends while the first stick still loads"
 RECORD_LONGER = "record longer, or faster"
-ENOUGH = 1 << 12  # samples that tell a level
 USUAL = (0.001, 10.0)  # friction over normal force; beyond it a unit is wrong
 LINE, LARGE = 0.35, 0.05  # share of the power in the line of an oscillation, and its sd over the force, worth a word
 SAMPLES = (2.2, 4.0, 14.0)  # per period: of an oscillation that may be seen, may be counted, and is sampled well enough
@@ -188,7 +187,7 @@ def _drift(part: RecordPart) -> float | None:
     if part.load is not None and (known := np.isfinite(part.load)).any():
         own = np.interp(time, part.time[known], part.load[known])
         load = own / np.median(own) if own.size and np.all(own > 0.0) else load
-    middle = (cycles.middle / load)[1:] if cycles.count else thinned(part.force[slides] / load, ENOUGH)
+    middle = (cycles.middle / load)[1:] if cycles.count else thinned(part.force[slides] / load)
     if middle.size < (6 if cycles.count else BLOCKS):
         return None
     if not cycles.count:  # a change along a line by clearly more than blocks scatter about it
@@ -212,7 +211,7 @@ def _suspicions(record: Record, phases: Sequence[Segmentation]) -> Iterator[Find
     normal, friction = record.normal_force, record.friction_force
     sound = np.isfinite(normal) & np.isfinite(friction)
     if (loaded := sound & (normal > 0.0)).any():
-        sizes = (thinned(kept(force, loaded), ENOUGH) for force in (np.abs(friction), normal))
+        sizes = (thinned(kept(force, loaded)) for force in (np.abs(friction), normal))
         ratio = float(np.quantile(np.divide(*sizes), 0.9))
         if ratio and not USUAL[0] <= ratio <= USUAL[1]:
             text = (
@@ -221,12 +220,12 @@ def _suspicions(record: Record, phases: Sequence[Segmentation]) -> Iterator[Find
             )
             yield Finding("strange_coefficient", "warning", text)
     if sound.any():
-        few = [np.abs(thinned(kept(force, sound), ENOUGH)) for force in (normal, friction)]
+        few = [np.abs(thinned(kept(force, sound))) for force in (normal, friction)]
         of_normal, of_friction = (np.diff(np.quantile(f, [0.1, 0.9])) / max(np.median(f), 1e-300) for f in few)
         still = of_friction <= of_normal and (of_friction <= 0.05 or not any(p.count for p in phases))
         parts = (slice(step.start, step.stop) for step in record.steps)
         count = max(segment(record.time[part], normal[part]).count for part in parts) if still else 0
-        if count >= FEW:
+        if count >= FEW_SLIPS:
             text = (
                 f"the normal force sticks and slips ({count} slips) and the friction force does not: are the two "
                 "swapped? Say it with --columns normal_force=…,friction_force=…"
@@ -252,7 +251,7 @@ def _of_sliding(time: Array, force: Array) -> Iterator[Finding]:
     """A saw-tooth upside down, else an oscillation of what slides, or one that is sampled too slowly."""
     mirrored = classify(time, -np.copysign(1.0, np.nanmedian(force)) * force)
     slips = mirrored.regime is not None and mirrored.regime.slips and mirrored.confidence > 0.95
-    if slips and mirrored.phases.count >= FEW:
+    if slips and mirrored.phases.count >= FEW_SLIPS:
         text = (
             f"the force rises at once and falls slowly, {mirrored.phases.count} times, as stick-slip upside down: is "
             "the sensor wired the other way? Turn it with flip_sign = true and give its zero with tare"

@@ -14,6 +14,8 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Indices = NDArray[np.int64]
 
+FEWEST_ROWS = 20  # of a stretch that tells anything
+SIGNIFICANT = 5.0  # standard deviations from which on a difference is no noise
 BLOCK = 16  # overlapping differences whose mean square is one estimate of the noise
 # Median over blocks of the mean square of 16 overlapping differences of unit white noise, by order.
 MEDIAN_OF_BLOCK = {2: 0.913, 3: 0.898, 4: 0.886, 5: 0.878}

@@ -16,10 +16,9 @@ from data_io.correct import Change, Corrected, Corrections, correct
 from data_io.quality import mean_and_drift
 from data_io.record import zero_of_times
 from identify.base.errors import FitError
-from identify.logs.classical import FEWEST_ROWS
 from identify.logs.judgement import ENDS_LOADING, RECORD_LONGER, Judgement, RecordPart, judge
 from identify.logs.log_data import LoadSpline, LogData, level, smooth, swing
-from identify.logs.noise import bridged, line_slope, running_means, slope_error
+from identify.logs.noise import FEWEST_ROWS, SIGNIFICANT, bridged, line_slope, running_means, slope_error
 from identify.logs.recorded_drive import changes_speed, turns_of_sign
 from identify.logs.regime import (
     SURE,
@@ -57,14 +56,13 @@ EVENTS = ("onset", "fall", "arrest")  # the times of cycles
 ROUNDING = 1e-9  # of the highest speed of a drive: less is none
 THIRDS = 3  # of a course: pieces for its levels
 GAP = 2.0  # rows of a record without the rests of the drive, as long as which a rest counts at most
-NOISELESS, ASSUMED = 1e-6, 1e-4  # of the force: less is no noise of a measurement, and what is assumed there
+NOISELESS = 1e-6  # of the force: less is no noise of a measurement
 LEAST_SHARE = 0.2  # of a record, from which on the level of its steady end is one of it
 NEARLY_ALL = 0.9  # of a record: an answer that rests on more of it rests on all of it
 LAST_STICK = 0.5  # of a typical stick: how much of the last one is used, so that no slip has begun in it
-REPEATABLE = 1e-4  # of the load: no contact repeats a slip better; a fit that believes it does has many false optima
+REPEATABLE = 1e-4  # of a force: no contact repeats a slip better; a fit that believes it does has many false optima
 UNEQUAL = 0.06  # scatter of the drop from cycle to cycle above which cycles are not alike
 FED = 2.0  # times what the load does to the force at an onset: a slip that comes early finds a fresher contact
-LEVEL = 5.0  # standard errors by which a stretch of a force leaves what is level, or a load what is steady
 SHORT_RISE, SHORT_LOADING = 40, 2.0  # samples, and half periods: no line is drawn through a shorter first rise
 RISE = (0.15, 0.4, 0.9)  # of the first rise: where a short one is cut, and the stretch a straight line is taken from
 
@@ -311,13 +309,13 @@ def fit_mode_of(log: Segmented, phases: Segmentation, slip_times: Array, stiffne
         # A slip near the end of a slow log leaves a stick too short to be seen to rise.
         late = np.isfinite(force) & (time >= settled)
         rises = line_slope(time[late], force[late], noise)
-        if rises >= phases.stick_slope[0] - LEVEL * slope_error(time[late], noise):
+        if rises >= phases.stick_slope[0] - SIGNIFICANT * slope_error(time[late], noise):
             settled = None
     begins, good = bool(phases.phase.size and phases.phase[0] == SLIDING), np.isfinite(force)
     if begins and good.any():  # near the level that it has while the drive moves, and not with a first rise
         f, moves = kept(force, good), _moves(drive, kept(time, good))
         loaded = 0.5 * float(np.median(thinned(f[moves] if np.any(moves) else f)))
-        begins = bool(np.median(f[: max(f.size // 100, 3)]) > loaded and np.min(f[:5]) > loaded - LEVEL * noise)
+        begins = bool(np.median(f[: max(f.size // 100, 3)]) > loaded and np.min(f[:5]) > loaded - SIGNIFICANT * noise)
     fit_mode = FitMode("continuous", settled, begins)
     if drive.constant and slip_times.size == 0:
         rise = int(np.argmax(phases.phase != STICK)) if phases.phase.size and phases.phase[0] == STICK else 0
@@ -344,8 +342,8 @@ def steady_since(time: Array, force: Array, noise: float, half_period: float) ->
     mean, slope = rows.mean(axis=1), rows @ local / float(local @ local)
     left = np.sum((rows - mean[:, None] - slope[:, None] * local) ** 2, axis=1) / (width - 2)
     # A swing that fades hides in a bin of one period as little as a slope does.
-    restless = (left > noise**2 * (1.0 + LEVEL * np.sqrt(2.0 / width))) | (
-        np.abs(slope) > LEVEL * noise / np.sqrt(float(local @ local)) + 0.02 * np.abs(mean)
+    restless = (left > noise**2 * (1.0 + SIGNIFICANT * np.sqrt(2.0 / width))) | (
+        np.abs(slope) > SIGNIFICANT * noise / np.sqrt(float(local @ local)) + 0.02 * np.abs(mean)
     )
     first = int(np.flatnonzero(restless)[-1]) + 1 if restless.any() else 0
     start = t.size - (count - first) * width
@@ -417,7 +415,7 @@ def _loading_start(log: Segmented, begin: float, onset: float) -> float:
     off = running_means(f[early] - height - slope * (t[early] - middle), width)
     # The line itself is uncertain where it is extrapolated.
     sd = log.noise * np.sqrt(1.0 / width + unscaled[1, 1] + unscaled[0, 0] * (centre - middle) ** 2)
-    wrong = np.flatnonzero(np.abs(off) > (LEVEL + 1.0) * sd)
+    wrong = np.flatnonzero(np.abs(off) > (SIGNIFICANT + 1.0) * sd)
     if wrong.size == 0:
         return begin
     # Where the difference was last seen it had become small, not nought: a little of the line is left out as well.
@@ -624,7 +622,7 @@ def _load(
         load = smooth(kept(time, log.used), kept(force, log.used), name_of(log.entry), cycles)
         if not follows:
             hidden = swing(load.force, *window)
-            hidden = hidden if hidden > LEVEL * load.sd / float(np.mean(load.force.values)) else 0.0
+            hidden = hidden if hidden > SIGNIFICANT * load.sd / float(np.mean(load.force.values)) else 0.0
             inside = log.used & (time >= window[0]) & (time <= window[1])
             load = level(time[inside], force[inside], name_of(log.entry), cycles)
     except FitError:
@@ -641,7 +639,7 @@ def _data(log: Segmented, load: LoadSpline, window: tuple[float, float], unknown
     rig, mean = log.rig, float(np.mean(load.force.values))
     size = float(np.max(np.abs(kept(log.force, log.used))))
     # a log without noise, as a simulation leaves it, is weighted by what the computation is surely good for
-    noise = log.noise if log.noise > NOISELESS * size else ASSUMED * size
+    noise = log.noise if log.noise > NOISELESS * size else REPEATABLE * size
     return LogData(
         time=np.ascontiguousarray(log.record.time),
         force=np.where(np.isfinite(log.force), log.force, 0.0),

@@ -20,7 +20,7 @@ from data_io.quality import pauses
 from data_io.values import Finding
 from identify.base.wording import speed_text
 from identify.logs.log_data import WORTH
-from identify.logs.noise import bridged, smooth, white_noise
+from identify.logs.noise import FEWEST_ROWS, bridged, smooth, white_noise
 from identify.scene import Scene
 from identify.scene.tables import Course
 from identify.scene.values import LogEntry
@@ -49,7 +49,6 @@ FEW, ALIKE_FEW = 8, 3.0  # changes of sign up to which no oscillation makes them
 LEVEL_SHARE = 0.65  # of the rows of strokes, in which the force is more than half of the highest of its stroke
 RESOLVED = 0.5  # of the rows of a column, from which on it changes in each as a rule
 FLICKER = 0.1  # of the steps of a column that go back: more are noise
-FEWEST_KNOWN = 16  # rows of a course
 UNDESCRIBED = 20.0  # times its noise that a course may be off its column
 HELD = 0.8  # of the level of a stroke, that its force has until the drive turns
 
@@ -242,7 +241,7 @@ def _course_of(time: Array, values: Array, position: bool) -> Course | None:
             resolution = interval * float(np.median(np.abs(np.diff(x) / np.diff(t))))
         else:
             resolution = float(np.median(np.abs(steps)))
-    if t.size < FEWEST_KNOWN:
+    if t.size < FEWEST_ROWS:
         return None
     beside = (t[1:-1] - t[:-2]) / (t[2:] - t[:-2])
     off = x[1:-1] - x[:-2] - beside * (x[2:] - x[:-2])
@@ -400,7 +399,7 @@ def turns_of_sign(force: Array) -> list[tuple[int, int, int]]:
     """
     whole = [(0, force.size, 0)]
     finite = np.isfinite(force)
-    if np.count_nonzero(finite) < 20:
+    if np.count_nonzero(finite) < FEWEST_ROWS:
         return whole
     filled = bridged(force, ~finite)
     typical = float(np.quantile(np.abs(thinned(filled)), 0.9))

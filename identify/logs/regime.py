@@ -21,7 +21,16 @@ from data_io.quality import presses
 from identify.base.wording import three_figures
 from identify.logs.noise import bridged, largest_drop
 from identify.logs.recorded_drive import DriveCourse, Stroke, changes_speed, one_speed, strokes
-from identify.logs.segment import FEWEST, SLIDING, DetectedCycles, Resonance, Segmentation, drive_force, segment
+from identify.logs.segment import (
+    FEW_SLIPS,
+    FEWEST,
+    SLIDING,
+    DetectedCycles,
+    Resonance,
+    Segmentation,
+    drive_force,
+    segment,
+)
 
 Array = NDArray[np.float64]
 
@@ -33,7 +42,6 @@ MISSTATED = -5.0  # log odds at least: stiffness, speed or a unit may be stated 
 SLOW, SMALL = 5.0, 0.07  # swings that discs and rigs make alike: how often [Hz], peak to valley over the level
 SINE = 0.985  # part of the mean cycle that its first harmonic holds from which on it is one sine
 UNEVEN = 0.08  # scatter of the drop from one slip to the next, beyond noise and sampling, as a share
-FEW = 3  # rises from which on their slopes can be compared
 CERTAIN, CLEAR = 8, 0.4  # periods of a spectral line, and share of the power that it holds, from which on it is one
 SURE = 0.99
 LOAD_CHANGES = 0.3  # of the typical load, by which one changes that the force is to be seen over
@@ -179,7 +187,7 @@ class _Shape:
     @property
     def one_sine(self) -> bool:
         """Whether the mean cycle, in which noise is averaged out, is one sine."""
-        return self.rises >= FEW and self.sine >= SINE
+        return self.rises >= FEW_SLIPS and self.sine >= SINE
 
     @classmethod
     def of(cls, time: Array, force: Array, phases: Segmentation) -> _Shape:
@@ -261,7 +269,7 @@ def _discriminate(shape: _Shape, phases: Segmentation, known: Known) -> tuple[bo
         return odds > 0.0, _probability(odds), tuple(evidence)
     if not shape.rises:
         return False, 0.6, (*evidence, "one drop alone; give stiffness and drive speed of the rig")
-    odds += float(np.log(shape.frequency / SLOW)) - (0.0 if shape.rises >= FEW else 2.0)  # few cannot be compared
+    odds += float(np.log(shape.frequency / SLOW)) - (0.0 if shape.rises >= FEW_SLIPS else 2.0)  # few cannot be compared
     share = f"{three_figures(100 * shape.share)} %" if shape.share < 2.0 else "over 200 %"
     text = f"it oscillates by {share} of the force at {shape.frequency:.3g} Hz"
     if odds <= 0.0:

@@ -19,7 +19,7 @@ from data_io.drive import motion_of
 from data_io.quality import MOST_PAUSES
 from identify.base.errors import FitError
 from identify.base.wording import programme_text, speed_text
-from identify.logs.noise import running_means
+from identify.logs.noise import FEWEST_ROWS, running_means
 from identify.logs.prepare import PART, STROKE, Prepared, prepare
 from identify.logs.recorded_drive import drive_position, recorded_drive, with_drive_checked
 from identify.logs.unknowns import Unknowns, from_scene
@@ -38,7 +38,7 @@ SAME_TIME = 1e-3  # of a step: what rounding makes of the clock of a copy
 SAME_NOISE = 0.4  # correlation of the noise of one measurement: a resampled copy holds half of it
 SAME_LEVEL = 0.1  # of the range of a force, by which its quantiles may differ in a copy
 SHORTEST, LONGEST = 64, 4096  # samples whose noise is looked for
-LEAST, BESIDE = 16, 5  # samples of a part, and beside a gap that show the force there
+BESIDE = 5  # samples beside a gap that show the force there
 SURE, SHARE = 6.0, 0.15  # standard deviations, or share of the rise of a stick, by which the force misses it
 
 
@@ -288,7 +288,7 @@ def _strokes(scene: Scene, entry: LogEntry, record: Record) -> list[LogEntry]:
     slip = float(np.pi * np.sqrt(rig.mass / rig.stiffness)) if rig.stiffness > 0.0 else 0.0
     out = []
     for number, (sign, first, last) in enumerate(spans, 1):
-        if np.diff(np.searchsorted(record.time, [first, last]))[0] < LEAST:
+        if np.diff(np.searchsorted(record.time, [first, last]))[0] < FEWEST_ROWS:
             continue
         at_once = number > 1 and spans[number - 2][2] == first  # without a rest
         out.append(
@@ -315,7 +315,7 @@ def _turns(course: Drive) -> list[float]:
 def _without_gaps(scene: Scene, entry: LogEntry, record: Record) -> list[LogEntry]:
     """What lies before, between and after the stretches of a log that no stick bridges."""
     rig, time = scene.rig_for(entry), record.time
-    if rig.drive_speed is None or time.size < LEAST:
+    if rig.drive_speed is None or time.size < FEWEST_ROWS:
         return [entry]
     start, stop = entry.window or (0.0, float(time[-1]))
     # Stretches without a sample of the friction force that are long enough for a slip.
@@ -330,7 +330,7 @@ def _without_gaps(scene: Scene, entry: LogEntry, record: Record) -> list[LogEntr
         if start < first and last < stop and not _bridged(entry, record, drive, rig.stiffness, first, last):
             edges += [first, last]
     spans = list(zip(edges[::2], [*edges[1::2], stop], strict=True))
-    spans = [(a, b) for a, b in spans if np.count_nonzero((time >= a) & (time <= b)) >= LEAST]
+    spans = [(a, b) for a, b in spans if np.count_nonzero((time >= a) & (time <= b)) >= FEWEST_ROWS]
     if len(spans) < 2:
         return [entry]
     return [

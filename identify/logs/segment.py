@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from data_io.arrays import grid_step, kept, thinned_steps
 from identify.base.quantiles import chi_square
-from identify.logs.noise import bridged, line_slope, smooth, spikes, uneven, white_noise
+from identify.logs.noise import SIGNIFICANT, bridged, line_slope, smooth, spikes, uneven, white_noise
 from identify.model.composition import ForceSensorPlace
 
 Array = NDArray[np.float64]
@@ -25,12 +25,11 @@ Resonance = tuple[float, float]  # of a rig: natural frequency [rad/s], damping 
 STICK, SLIP, SLIDING = 0, 1, 2
 FEWEST = 8  # samples of a log that can be looked at at all
 SMALLEST_SHARE = 0.2  # of the typical drop: a smaller fall is no cycle of its own, and noise is to be below
-CONFIRMED_SD = 5.0  # standard deviations of the average, by which the force rises after the last slip
 NARROW, WIDE = 0.2, 0.45  # of the half period: the first average, and the widest, which does not bend a slip yet
 LONG_INTERVAL = 1.6  # times the median: look again there
 COLOURED, MOST_COLOURED = 1.5, 3.0  # times the white part that is left, and times the white part: noise with a memory
 CLEAR = 6.0  # standard deviations of the average: of smaller slips many are lost in the noise
-FEW_SLIPS, MOSTLY = 3, 0.5  # with fewer slips, or more of its samples sliding, a record is followed and not folded
+FEW_SLIPS, MOSTLY = 3, 0.5  # with fewer slips, which nothing compares, or more sliding, it is followed, not folded
 STRAIGHT = (0.3, 0.7)  # share of a rise, in time, whose slope is the stick slope
 ARRESTING = 0.93  # of the stick slope: a mass that slides on loads its spring less steeply
 SLOWEST_FALL = 0.4  # of the stick slope: a slip falls faster
@@ -320,7 +319,7 @@ def _traced(time: Array, force: Array, noise: float, half_period: float | None, 
             left = left if seen < COLOURED * left else min(seen, MOST_COLOURED * noise)
         threshold = max((_span_of_noise(force.size / width) + 1.0) * left, 1e-9 * float(np.ptp(force)))
         empty = _Trace(time, force, noise, values, width, threshold, none, none, False)
-        trace = _with_falls(empty, threshold, CONFIRMED_SD * left)
+        trace = _with_falls(empty, threshold, SIGNIFICANT * left)
         if best is None or trace.peaks.size >= best.peaks.size:
             best, quiet = trace, left
         if trace.peaks.size:
@@ -330,7 +329,7 @@ def _traced(time: Array, force: Array, noise: float, half_period: float | None, 
                 width = int(0.1 * lasting) | 1  # of a slip: its shape stays, and its noise goes
                 continue
             if threshold <= smallest:
-                best = _with_falls(empty, smallest, min(smallest, CONFIRMED_SD * left))
+                best = _with_falls(empty, smallest, min(smallest, SIGNIFICANT * left))
                 break
             if half_period is None:
                 widest = min(widest, 0.55 * lasting)
