@@ -3,7 +3,6 @@
 import io
 import math
 import zipfile
-import zlib
 from datetime import timedelta
 from typing import Any, Final
 
@@ -16,11 +15,6 @@ from data_io.values import LogError
 
 _ZIP: Final = b"PK\x03\x04"
 _CELLS: Final = 1 << 22  # cells that are looked at in any workbook
-_OF_DAMAGE: Final = (
-    OSError, zipfile.BadZipFile, zlib.error, ValueError, TypeError, LookupError, AttributeError, SyntaxError,
-    RuntimeError, NotImplementedError, EOFError, ArithmeticError, AssertionError,
-)  # fmt: skip
-"""What openpyxl and zipfile raise over damaged files."""
 
 
 def can_read(head: bytes) -> bool:
@@ -74,7 +68,7 @@ def _sheets(source: Source) -> dict[str, str]:
     """Return every sheet that holds anything as tab-separated text."""
     import openpyxl
 
-    try:
+    with source.read_by_library("workbook", "save it again, without a password"):
         data = source.read()
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             unpacked = sum(info.file_size for info in archive.infolist())
@@ -87,9 +81,6 @@ def _sheets(source: Source) -> dict[str, str]:
         most = max(_CELLS, unpacked)
         texts = {sheet.title: _as_text(source, sheet, most) for sheet in book.worksheets}
         book.close()
-    except _OF_DAMAGE as error:
-        reason = " ".join(str(error).split())
-        raise source.error(f"the workbook is damaged or locked ({reason:.100}); save it again") from error
     return {title: text for title, text in texts.items() if text}
 
 

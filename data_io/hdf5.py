@@ -29,7 +29,7 @@ import numpy as np
 
 from data_io.columns import Header, Name, coefficient_column, match_header, role_indices, words
 from data_io.contents import Contents, Part
-from data_io.source import LEAST_SUSPECT, Request, Source
+from data_io.source import LEAST_SUSPECT, OF_DAMAGE, Request, Source
 from data_io.units import factor, scaled
 from data_io.values import COLUMN_ROLES, FloatArray, LogError, UnitError
 from data_io.write import ABOUT, FORMAT, FORMAT_VERSION, Account, read_account
@@ -58,12 +58,6 @@ def can_read(head: bytes) -> bool:
     return any(head[place : place + 8] == b"\x89HDF\r\n\x1a\n" for place in (0, *(512 << i for i in range(7))))
 
 
-_LIBRARY_ERRORS: Final = (
-    OSError, RuntimeError, KeyError, ValueError, TypeError, EOFError, AttributeError, OverflowError,
-)  # fmt: skip
-"""What h5py raises over a damaged file."""
-
-
 @contextmanager
 def opened(source: Source) -> Iterator[h5py.File]:
     """Open the file read-only. Raises the source's `LogError` for a damaged one.
@@ -89,7 +83,7 @@ def opened(source: Source) -> Iterator[h5py.File]:
             yield file
     except LogError:
         raise
-    except _LIBRARY_ERRORS as error:
+    except OF_DAMAGE as error:
         reason = str(error).strip("'\"").split("\n")[0]
         if any(words in reason for words in _HELD):
             raise source.error(
@@ -149,10 +143,10 @@ def limited_walk(target: str | io.BytesIO, patience: int) -> None:
         while stack and len(seen) < 100_000:
             item, names = stack.pop(), list[str]()
             _touch(item)
-            with contextlib.suppress(*_LIBRARY_ERRORS):
+            with contextlib.suppress(*OF_DAMAGE):
                 names.extend(item if isinstance(item, h5py.Group) else ())
             for name in names:
-                with contextlib.suppress(*_LIBRARY_ERRORS):
+                with contextlib.suppress(*OF_DAMAGE):
                     if not isinstance(item.get(name, getlink=True), h5py.HardLink):
                         continue
                     child = item[name]
@@ -166,14 +160,14 @@ def _touch(item: h5py.HLObject) -> None:
     import h5py
 
     names = ["units", "unit", "Units", "Unit", "name"]  # which readers ask for, even where the list is damaged
-    with contextlib.suppress(*_LIBRARY_ERRORS):
+    with contextlib.suppress(*OF_DAMAGE):
         names.extend(item.attrs)
     for name in dict.fromkeys(names):
-        with contextlib.suppress(*_LIBRARY_ERRORS):
+        with contextlib.suppress(*OF_DAMAGE):
             item.attrs[name]
     if not isinstance(item, h5py.Dataset):
         return
-    with contextlib.suppress(*_LIBRARY_ERRORS):
+    with contextlib.suppress(*OF_DAMAGE):
         if item.is_virtual or item.external:
             return
         if item.chunks is not None:

@@ -4,7 +4,6 @@ import io
 import itertools
 import math
 import re
-import struct
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Final
@@ -167,11 +166,6 @@ _SCALES: Final = frozenset(
 )
 """Scalings that npTDMS applies; others it passes over with a line in its log."""
 _UNITS: Final = ("unit_string", "NI_UnitDescription", "Unit", "unit", "Units", "units")
-_OF_DAMAGE: Final = (
-    ValueError, TypeError, LookupError, OSError, EOFError, ArithmeticError, AttributeError, RuntimeError,
-    NotImplementedError, AssertionError, UnicodeError, struct.error,
-)  # fmt: skip
-"""What npTDMS raises over damaged files."""
 
 
 def read_tdms(source: Source, request: Request) -> Contents:
@@ -190,7 +184,7 @@ def read_tdms(source: Source, request: Request) -> Contents:
             "a LabVIEW TDMS file needs the package npTDMS, which is not installed; install it with pip install npTDMS, "
             "or export the file as .lvm or text"
         ) from error
-    try:
+    with source.read_by_library("TDMS file", "copy it again"):
         messages = io.StringIO()  # what npTDMS writes to its log of a file that it reads as far as it can
         console = log_manager.console_handler.setStream(messages)
         try:
@@ -200,9 +194,6 @@ def read_tdms(source: Source, request: Request) -> Contents:
                 about = {str(key): str(value) for key, value in file.properties.items()}
         finally:
             log_manager.console_handler.setStream(console)
-    except _OF_DAMAGE as error:
-        reason = " ".join(str(error).split())
-        raise source.error(f"the TDMS file is damaged ({reason:.100}); copy it again") from error
     lost = [line.rpartition("] ")[2] for line in messages.getvalue().splitlines()]
     if not parts:
         why = f" ({lost[0]:.100})" if lost else ""

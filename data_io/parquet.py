@@ -33,21 +33,18 @@ def read(source: Source, request: Request) -> Contents:
             "a Parquet file needs the package pyarrow, which is not installed; install it with pip install pyarrow, "
             "or export the table as CSV"
         ) from error
-    try:
-        with pyarrow.parquet.ParquetFile(source.file(), page_checksum_verification=True) as file:
-            types = pyarrow.types
-            kinds = (types.is_integer, types.is_floating, types.is_decimal, types.is_timestamp, types.is_duration)
-            fields = [field for field in file.schema_arrow if any(kind(field.type) for kind in kinds)]
-            header = match_names(tuple(map(_name, fields)), request.columns)
-            wanted = wanted_columns(header, request)
-            kept = [i for i in range(len(fields)) if wanted is None or i in wanted]
-            rows = file.metadata.num_rows
-            check_promise(source, "table", 8 * rows * len(kept), source.size, packed=True)
-            table = file.read(columns=[fields[i].name for i in kept])
-            columns = {i: _numbers(table.column(fields[i].name)) for i in kept}
-    except (pyarrow.ArrowException, OSError, ValueError, TypeError, LookupError, OverflowError) as error:
-        reason = " ".join(str(error).split())
-        raise source.error(f"the Parquet file is damaged ({reason:.100}); write it again") from error
+    damage = source.read_by_library("Parquet file", "write it again", pyarrow.ArrowException)
+    with damage, pyarrow.parquet.ParquetFile(source.file(), page_checksum_verification=True) as file:
+        types = pyarrow.types
+        kinds = (types.is_integer, types.is_floating, types.is_decimal, types.is_timestamp, types.is_duration)
+        fields = [field for field in file.schema_arrow if any(kind(field.type) for kind in kinds)]
+        header = match_names(tuple(map(_name, fields)), request.columns)
+        wanted = wanted_columns(header, request)
+        kept = [i for i in range(len(fields)) if wanted is None or i in wanted]
+        rows = file.metadata.num_rows
+        check_promise(source, "table", 8 * rows * len(kept), source.size, packed=True)
+        table = file.read(columns=[fields[i].name for i in kept])
+        columns = {i: _numbers(table.column(fields[i].name)) for i in kept}
     return Contents([Part(1, 1, header, columns)])
 
 

@@ -6,9 +6,10 @@ import hashlib
 import io
 import mmap
 import os
+import struct
 import zipfile
 import zlib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import IO, Final, Self, cast
@@ -53,6 +54,11 @@ MOST_TIMES: Final = 100
 """A log packs to a tenth of its size; what packs to less than one in this many is a trap or holds nothing."""
 HEAD: Final = 65536
 """Bytes that a reader sees when it is asked whether it can read a file."""
+OF_DAMAGE: Final[tuple[type[Exception], ...]] = (
+    OSError, EOFError, zipfile.BadZipFile, zlib.error, struct.error, ValueError, TypeError, LookupError, AttributeError,
+    SyntaxError, RuntimeError, ArithmeticError, AssertionError,
+)  # fmt: skip
+"""What libraries raise over damaged files."""
 _LARGEST: Final = 1 << 31  # bytes of a packed file that may be taken into memory
 
 
@@ -147,6 +153,16 @@ class Source:
     def error(self, sentence: str) -> LogError:
         """Return the error of this log with its path in front."""
         return LogError(f"{self.path}: {' '.join(sentence.split())}")
+
+    @contextlib.contextmanager
+    def read_by_library(self, file: str, remedy: str, *more: type[Exception]) -> Iterator[None]:
+        """Say in a sentence that a file, as it is called here, is damaged; more: what its library alone raises then."""
+        damage: tuple[type[Exception], ...] = (*OF_DAMAGE, *more)
+        try:
+            yield
+        except damage as error:
+            reason = " ".join(str(error).split())
+            raise self.error(f"the {file} is damaged ({reason:.100}); {remedy}") from error
 
 
 def no_progress(_share: float) -> None:

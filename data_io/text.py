@@ -239,12 +239,12 @@ def read_date(text: str) -> datetime | None:
     clock, day = _CLOCK.search(plain), DATE_ALONE.search(plain)
     if clock is None or clock["h"] is None:
         return None
-    days = [float(date(2000, 1, 1).toordinal())]
+    fields, order = (2000, 1, 1), "ymd"
     if day is not None:
+        fields = (int(day["a"]), int(day["b"]), int(day["c"]))
         order = "ymd" if len(day["a"]) == 4 else "mdy" if day["mark"] == "/" else "dmy"
-        if (days := _days([(int(day["a"]), int(day["b"]), int(day["c"]))], order)) is None:
-            return None
-    return datetime.fromordinal(int(days[0])) + timedelta(seconds=_seconds_of_day(clock))
+    days = _days([fields], order)
+    return None if days is None else datetime.fromordinal(int(days[0])) + timedelta(seconds=_seconds_of_day(clock))
 
 
 def clock_times(tokens: Sequence[str]) -> tuple[FloatArray, FloatArray | None] | None:
