@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from data_io import Record
 from data_io.quality import presses
 from identify.base.wording import quantity
+from identify.logs.log_data import BINS
 from identify.logs.noise import FEWEST_ROWS, SIGNIFICANT
 from identify.logs.recorded_drive import Stroke, one_speed
 from identify.logs.regime import LogRegime, Regime, Verdict
 
 Array = NDArray[np.float64]
 
-MEANS = 2000  # of rows, in which the friction after a velocity step is looked at
 RINGS = 0.15  # of an evolution effect, by which friction leaves the exponential where it is the rig that rings
 
 
@@ -151,7 +151,7 @@ def _with_effects(change: DriveChange, time: Array, coefficient: Array) -> Drive
     """A velocity step with direct and evolution effect: from where friction turns on, a level and an exponential over
     the drive's travel, as of a state that evolves with slip (A. Ruina, J. Geophys. Res. 88 (1983) 10359)."""
     speed, before = change.speed_after_m_per_s or 0.0, change.before_coefficient or 0.0
-    width = max(time.size // MEANS, 1)
+    width = max(time.size // BINS, 1)
     mean = coefficient[: time.size // width * width].reshape(-1, width).mean(axis=1)
     way = 1.0 if change.name == "step up" else -1.0
     turn = int(np.argmax(way * mean[: 2 * mean.size // 3]))

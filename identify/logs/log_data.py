@@ -17,7 +17,7 @@ from identify.simulation.drive import Drive, NormalForce
 Array = NDArray[np.float64]
 
 SEGMENTS = (1, 2, 4, 8, 16, 32, 64, 128, 256)
-BINS = 2048  # means of samples a spline is fitted to: enough for the finest one
+BINS = 2048  # means of samples that a course is fitted to: enough for the finest spline
 WORTH = 3.0  # what one more knot must gain in 2 ln(likelihood): more than Akaike's 2, so that noise stays out
 NEIGHBOURS = (3, 9, 27, 81)  # frequencies over which a spectrum is averaged: a pulse is a line, a jitter a band
 FALSE_ALARMS = 0.01  # lines per log that white noise alone may show

@@ -54,7 +54,6 @@ STROKE, PART = "stroke", "part"  # the labels of parts: a scene may have paramet
 AT_TURNS = 0.02  # of the highest speed of a drive on a course: as fast goes its clock at least
 EVENTS = ("onset", "fall", "arrest")  # the times of cycles
 ROUNDING = 1e-9  # of the highest speed of a drive: less is none
-THIRDS = 3  # of a course: pieces for its levels
 GAP = 2.0  # rows of a record without the rests of the drive, as long as which a rest counts at most
 NOISELESS = 1e-6  # of the force: less is no noise of a measurement
 LEAST_SHARE = 0.2  # of a record, from which on the level of its steady end is one of it
@@ -353,7 +352,7 @@ def steady_since(time: Array, force: Array, noise: float, half_period: float) ->
 def moving_pieces(drive: Drive, begin: float, end: float) -> list[tuple[float, float, float]]:
     """(start [s], stop [s], speed [m/s]) of the stretches of a window in which the drive moves; a course in thirds."""
     if drive.accelerates:
-        times = np.linspace(begin, end, THIRDS + 1)
+        times = np.linspace(begin, end, 4)
         means = np.diff(drive.motion(times)[0]) / np.diff(times)
         fast = means > 0.5 * np.max(means)  # else it may still turn the force
         return [

@@ -19,7 +19,7 @@ from data_io.drive import motion_of
 from data_io.quality import MOST_PAUSES
 from identify.base.errors import FitError
 from identify.base.wording import programme_text, speed_text
-from identify.logs.noise import FEWEST_ROWS, running_means
+from identify.logs.noise import FEWEST_ROWS, SIGNIFICANT, running_means
 from identify.logs.prepare import PART, STROKE, Prepared, prepare
 from identify.logs.recorded_drive import drive_position, recorded_drive, with_drive_checked
 from identify.logs.unknowns import Unknowns, from_scene
@@ -39,7 +39,7 @@ SAME_NOISE = 0.4  # correlation of the noise of one measurement: a resampled cop
 SAME_LEVEL = 0.1  # of the range of a force, by which its quantiles may differ in a copy
 SHORTEST, LONGEST = 64, 4096  # samples whose noise is looked for
 BESIDE = 5  # samples beside a gap that show the force there
-SURE, SHARE = 6.0, 0.15  # standard deviations, or share of the rise of a stick, by which the force misses it
+SHARE = 0.15  # of the rise of a stick, by which the force may miss it after a gap
 
 
 @dataclass(frozen=True)
@@ -360,7 +360,7 @@ def _bridged(entry: LogEntry, record: Record, drive: Drive, stiffness: float, fi
     expected = abs(stiffness * float(np.diff(drive.motion([begin, end])[0])[0]))
     noise = float(np.median(np.abs(np.diff(f[finite])))) / (0.6745 * np.sqrt(2.0))
     rise = abs(float(f[after].mean() - f[before].mean()))
-    return bool(abs(rise - expected) <= max(SURE * noise * np.sqrt(2.0 / BESIDE), SHARE * expected))
+    return bool(abs(rise - expected) <= max(SIGNIFICANT * noise * np.sqrt(2.0 / BESIDE), SHARE * expected))
 
 
 def parts_of(scene: Scene, entries: Sequence[LogEntry]) -> list[int | None]:

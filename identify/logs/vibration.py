@@ -19,7 +19,7 @@ from identify.logs.unknowns import Unknowns
 
 Array = NDArray[np.float64]
 
-TRIM, CLEAR = 0.12, 1.0  # of a stick, and half periods of the rig, at either end, left out: the transients of slips
+TRIM = 0.12  # of a stick at either end, and half a period of the rig at least, left out: the transients of slips
 FEWEST = 12  # samples of a stick that counts
 PEAKS = 6  # of the spectra that are looked at closely
 SURE = 25.0  # fall of the sum of squares (in noise variances) beyond the search over frequencies
@@ -80,7 +80,7 @@ def _sticks(log: Prepared) -> _Sticks | None:
         return None
     # What comes after the last slip may slide.
     for start, end in zip(np.append(data.begin, c.arrest[:-1]), c.onset, strict=True):
-        margin = max(TRIM * (end - start), CLEAR * log.rig.half_period)
+        margin = max(TRIM * (end - start), log.rig.half_period)
         first, last = np.searchsorted(data.time, [max(start + margin, data.begin), min(end - margin, data.end)])
         good = np.flatnonzero(data.weight[first:last] > 0) + first
         if good.size >= FEWEST and end - start >= 4 * margin:
