@@ -6,29 +6,20 @@ every text format; the rest are binary files, scenes, manifests and options of t
 
 from __future__ import annotations
 
-import contextlib
 import gzip
 import io
 import itertools
-import json
-import random
 import struct
-import tempfile
 import zipfile
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial, reduce
-from operator import getitem
-from pathlib import Path
-from typing import Any
+from functools import partial
 
 import h5py
 import numpy as np
 import openpyxl
 import scipy.io
-
-from identify.cli.main import build_parser, main
 
 
 @dataclass(frozen=True)
@@ -433,80 +424,9 @@ def files() -> Iterator[Hostile]:
         yield Hostile(f"{name}, as a pattern", "comma.csv", lambda: GOOD, ("inspect", pattern))
 
 
-WHOLE = {  # commands that end well, to which one option is added
-    "fit": ("log.csv", "--scene", "{scene}", "--out", "{out}"),
-    "verify": ("{file}",),
-    "inspect": ("log.csv",),
-    "scene": ("log.csv", "--out", "{out}.toml"),
-    "convert": ("log.csv", "--out", "{out}.h5"),
-    "rig": ("log.csv", "--out", "{out}.toml"),
-    "plan": ("{scene}",),
-    "batch": ("all.csv", "--scene", "{scene}", "--out", "{out}"),
-    "compare": (".", "--by", "material", "--out", "{out}"),
-    "simulate": ("--scene", "{scene}", "--duration", "0.1 s", "--rate", "100 Hz", "--out", "{out}.csv"),
-    "stability": ("--scene", "{scene}"),
-    "amplitude": ("--scene", "{scene}"),
-}
-OF_A_RESULT = [
-    *((name, *WHOLE[name]) for name in ("verify", "compare")),
-    *((name, "--result", "{file}") for name in ("stability", "amplitude")),
-    ("plan", "{file}"),
-]
-JUNK = (  # of options
-    *("", "x", "1e308", "-1", "nan", "0", "9" * 4000, "1 s^9^9^9", "a=b,c=d", "/proc/self/mem", ".", "rig=[1"),
-    *("friction_force=N*9^9^9", "0x" + "f" * 10_000, "1e999999999 N", "0,1" + " " * 50_000 + "s", "1e400 N/m"),
-)
-BESIDE = {"log.csv": GOOD, "all.csv": b"path,group,drive_speed\nlog.csv,g,0.2 mm/s\n"}
-
-
-def _places(value: object, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
-    pairs = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
-    for key, below in pairs:
-        yield (*path, key)
-        yield from _places(below, (*path, key))
-
-
-def _replaced(document: object, place: Sequence[Any], value: object) -> bytes:
-    made = json.loads(json.dumps(document))
-    reduce(getitem, place[:-1], made)[place[-1]] = value
-    return json.dumps(made).encode()
-
-
-def results() -> Iterator[Hostile]:
-    """Results in which one place, drawn, holds something else."""
-    with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stdout(io.StringIO()):
-        log, scene, out = (str(Path(folder) / name) for name in ("log.csv", "scene.toml", "out"))
-        Path(scene).write_text(SCENE)
-        record = {"--scene": scene, "--duration": "8 s", "--rate": "500 Hz", "--noise": "2 mN", "--out": log}
-        main(["simulate", *itertools.chain(*record.items()), "--quiet"])
-        main(["fit", log, "--scene", scene, "--out", out, "--quiet"])
-        document = json.loads((Path(out) / "result.json").read_text())
-    draw, places = random.Random(0), sorted(_places(document), key=str)
-    values = (None, "x", 1e308, -1, [], {}, float("nan"), [[1]], "9" * 4000, True, {"value": "x"})
-    for command in OF_A_RESULT * 60:
-        place, value = draw.choice(places), draw.choice(values)
-        data, name = partial(_replaced, document, place, value), f"{command[0]}: {place} is {value!r:.20}"
-        yield Hostile(name, "result.json", data, command, sound=True)
-
-
-def words() -> Iterator[Hostile]:
-    """Every option of every command with words that are none of its."""
-    choices = next(action for action in build_parser()._actions if action.dest == "command").choices or {}
-    for name, given in WHOLE.items():
-        taken = [action.option_strings[-1:] for action in choices[name]._actions if action.nargs != 0]
-        for option, (number, word) in itertools.product(taken, enumerate(JUNK)):
-            command = (name, *given, *option, word)
-            yield Hostile(f"{name} {option}, word {number}", "x", lambda: b"", command, True, BESIDE)
-
-
 KINDS = (texts, patterns, packed, matlab, workbooks, hdf5, scenes, manifests, files)
-
-
-def own_inputs() -> Iterator[Hostile]:
-    """The broken inputs, each given to its own command."""
-    return (hostile for kind in KINDS for hostile in kind())
 
 
 def all_inputs() -> Iterator[Hostile]:
     """Every input."""
-    return itertools.chain(own_inputs(), results(), words())
+    return (hostile for kind in KINDS for hostile in kind())

@@ -19,7 +19,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from experiments.hostile_inputs import GOOD, SCENE, Hostile, all_inputs, own_inputs
+from experiments.hostile_inputs import GOOD, SCENE, Hostile, all_inputs
 from experiments.machine import describe
 
 LONGEST, WORKS = 2.0, 6.0  # [s] of processor time beside reading, and of a command that computes on what it took
@@ -104,8 +104,9 @@ def main(fast: bool = False, every: int = 1, words: str = "") -> Counter[str]:
     """Try the inputs; returns how often each kind of end was seen."""
     from identify.cli import bench, fit, logs, operating, simulation, studies  # noqa: F401 - loaded before any is timed
 
-    inputs = own_inputs() if fast else all_inputs()
-    chosen = [hostile for hostile in inputs if words in f"{hostile.name}, {hostile.file}"][:: 60 if fast else every]
+    chosen = [hostile for hostile in all_inputs() if words in f"{hostile.name}, {hostile.file}"][
+        :: 60 if fast else every
+    ]
     counts, slowest, largest = Counter[str](), 0.0, 0.0
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "good.csv").write_bytes(GOOD)

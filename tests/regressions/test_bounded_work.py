@@ -8,7 +8,7 @@ import pytest
 from data_io import read_log
 from data_io.text import is_number
 from data_io.units import UnitError, kind_of, parse_quantity
-from experiments.hostile_inputs import BOMBS, own_inputs, text
+from experiments.hostile_inputs import BOMBS, all_inputs, text
 from experiments.run_hostile_inputs import ended, tried
 
 CASES = Path(__file__).parents[1] / "cases"
@@ -26,7 +26,7 @@ def idle(tmp_path_factory):
     return ending.memory
 
 
-@pytest.mark.parametrize("hostile", list(own_inputs())[::SAMPLE], ids=lambda hostile: f"{hostile.name}, {hostile.file}")
+@pytest.mark.parametrize("hostile", list(all_inputs())[::SAMPLE], ids=lambda hostile: f"{hostile.name}, {hostile.file}")
 def test_hostile_input_ends_soon_in_a_sentence(hostile, tmp_path, idle):
     assert tried(hostile, tmp_path, idle)[1] == ""
 
