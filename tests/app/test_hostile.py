@@ -69,7 +69,7 @@ LONG = 300 * "a"
 
 def test_every_refusal_is_a_sentence(unchanged):
     """Names that are too long, deep JSON and values of the wrong kind, at every question the page has."""
-    names = [LONG, f"{LONG}/x.csv", "a/" * 400, "\ud800", "\udcff", 255 * "ä", "..", ".", "pair.toml/x", ""]
+    names = [f"{LONG}/x.csv", "a/" * 400, "\ud800", 255 * "ä", "..", ".", "pair.toml/x", ""]
     questions = list(unchanged.serving.page.answers)
     answers = []
     for name in names:

@@ -50,7 +50,7 @@ def test_a_wrong_speed_of_one_log_is_named_with_the_log():
 @pytest.mark.slow
 def test_a_wrong_load_of_one_log_is_named_with_the_log():
     """As the load of the one, or the other way round of the other: which of both, no data tell."""
-    first, second = records()
+    first, second = records(share=1.0)
     found = explained(scene(effects=LOADED), [replace(first, normal_force=1.03 * first.normal_force), second])
     value = told(found.message, r"a normal force of log_2.csv (\S+) times what is read")
     assert value == pytest.approx(1 / 1.03, abs=0.004)
@@ -75,7 +75,7 @@ def test_a_zero_of_the_friction_force_is_named_where_the_load_varies():
     ids=["prior", "held", "bound"],
 )
 def test_what_the_scene_says_of_a_parameter_is_named_where_the_data_contradict_it(restrained, name, by):
-    message = explained(scene(**restrained)).message
+    message = explained(scene(**restrained), records(share=1.0)).message
     assert f"(ruled out by {by}" in message
     number, unit = message.split(f"{name} = ")[1].split()[:2]
     assert float(number) * (1e-6 if unit == "µm" else 1.0) == pytest.approx(DEMO[name], rel=0.15)

@@ -16,7 +16,7 @@ from identify.identification import find
 from identify.scene import Scene
 from tests.support.two_logs import drawn
 
-LOGS = ((1e-4, 20.0, 200.0), (1e-3, 4.0, 500.0), (5e-3, 1.5, 1000.0))  # drive speed [m/s], duration [s], rate [Hz]
+LOGS = ((1e-4, 12.0, 200.0), (1e-3, 2.0, 500.0), (5e-3, 0.8, 1000.0))  # drive speed [m/s], duration [s], rate [Hz]
 OTHER = 1.3  # times the characteristic speed parameter a in the second log
 
 

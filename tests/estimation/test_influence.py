@@ -54,7 +54,7 @@ def test_moves_of_samples_are_those_of_a_refit(fitted):
 
 
 def test_replicates_spread_as_the_covariance_says():
-    unknowns, solved, known = solved_of((case.MIDDLE,), ("mu_s", "mu_k0", "D"))
+    unknowns, solved, known = solved_of(((1e-3, 1.0, 1000.0),), ("mu_s", "mu_k0", "D"))
     size = np.sqrt(np.diag(known.covariances.sum(axis=0)))
     attempt = Attempt((0,), (), solved, SimpleNamespace(levels=np.ones(1)))
     made = bootstrap(attempt, unknowns, [WHITE], size, 40, seed=1)

@@ -141,6 +141,7 @@ def test_an_interval_that_no_profile_could_check_is_not_given(banana, late):
             assert e.lower is None or e.upper is None or e.lower < DEMO[e.name] < e.upper
 
 
+@pytest.mark.slow
 def test_what_follows_another_on_its_bent_path_is_profiled_too():
     """Of the two slowest logs of a plate the covariance alone puts mu_s to within 0.1 %, and t_cr, which it follows, is
     open: the profile of t_cr shows that, and then mu_s is profiled as well."""

@@ -13,7 +13,7 @@ from identify import fit
 
 pytestmark = pytest.mark.usefixtures("no_predictions")
 
-SPEEDS = ((1e-4, 20.0, 500.0), (1e-3, 4.0, 1000.0), (5e-3, 1.5, 2000.0))
+SPEEDS = ((1e-4, 20.0, 500.0), (1e-3, 2.0, 1000.0), (5e-3, 0.8, 2000.0))
 SCATTER = 0.01
 
 

@@ -19,9 +19,11 @@ LOGS = (2, 3)
 
 
 @lru_cache(maxsize=4)
-def records(seed=3):
-    """As the study draws them."""
-    return tuple(simulated_case(DEMO, seed).records[i] for i in LOGS)
+def records(seed=3, share=0.5):
+    """The first part of those that the study draws."""
+    whole = [simulated_case(DEMO, seed).records[i] for i in LOGS]
+    columns = ((r.time, r.normal_force, r.friction_force) for r in whole)
+    return tuple(Record(*(values[: round(share * values.size)] for values in each)) for each in columns)
 
 
 def drawn(logs, more=(), effects=MAIN, load=1.0, noise=NOISE, seed=0):
