@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from identify.base.document import FURTHER
+from data_io.spelling import Spelled
+from identify.base.document import FURTHER, Json, to_dict
 from identify.base.errors import SimulationError
 from identify.base.result import Number
-from identify.base.wording import range_text
+from identify.base.wording import range_text, wrapped
 from identify.model.model import Model
 from identify.prediction.axes import Site
 from identify.prediction.closed_forms import CYCLE, MEANING, beyond, closed_forms, judged
@@ -30,6 +32,9 @@ from identify.prediction.windows import (
 )
 from identify.prediction.wording import amplitude_text, closed_form_text, shown, stability_text
 from identify.simulation.sliding import Sliding, slidings
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Array = NDArray[np.float64]
 
@@ -96,9 +101,9 @@ class ClosedFormsAnswer:
     text: str = ""
 
 
-@dataclass(frozen=True)
-class PointPrediction:
-    """The whole prediction at one operating point; every number is None where there is none."""
+@dataclass(frozen=True, repr=False)
+class PointPrediction(Spelled):
+    """Stability and amplitude at one operating point; shows itself in words. Numbers are None where there is none."""
 
     operating_point: Mapping[str, Number]
     stability: StabilityAnswer
@@ -106,6 +111,21 @@ class PointPrediction:
     groups: Mapping[str, Number]
     closed_forms: ClosedFormsAnswer
     text: str = ""
+
+    @property
+    def document(self) -> Mapping[str, Json]:
+        """As `stickslip stability --json` has it, every number with unit, interval and validity."""
+        return to_dict(self)
+
+    def __repr__(self) -> str:
+        return "\n".join(wrapped(line) for line in self.text.splitlines())
+
+    def to_frame(self) -> pd.DataFrame:
+        """The amplitude as a table, SI: value, lower and upper end (95 %), unit; one row per quantity."""
+        import pandas as pd
+
+        rows = {name: (n.value, *n.ends, n.unit) for name, n in self.amplitude.numbers.items()}
+        return pd.DataFrame.from_dict(rows, orient="index", columns=["value", "lower", "upper", "unit"])
 
 
 @dataclass(frozen=True)

@@ -13,11 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io.spelling import Spelled, spelled
-from identify.base.document import Json, to_dict, to_document
+from identify.base.document import to_document
 from identify.base.errors import FitError
 from identify.base.result import CYCLE_COLUMNS, LogCurves, Result, Status
 from identify.base.wording import quantity as quantity_text
-from identify.base.wording import wrapped
 from identify.prediction.draws import Draws
 from identify.prediction.predict import PointPrediction, predict
 from identify.prediction.sources import Tested, pair_of, scenes_at, site_of
@@ -357,7 +356,7 @@ class Fit(Spelled):
     @spelled
     def predict(
         self, *, drive_speed: Quantity | None = None, normal_force: Quantity | None = None, log: int = 1
-    ) -> Prediction:
+    ) -> PointPrediction:
         """What this pair does at another drive speed or normal force on the rig of a log: stability and amplitude.
 
         Args:
@@ -371,7 +370,7 @@ class Fit(Spelled):
         site, pair = site_of(scene), pair_of(self.typed, scene, log - 1)
         speed = site.drive_speed if drive_speed is None else quantity(drive_speed, "m/s", "drive_speed")
         load = site.normal_force if normal_force is None else quantity(normal_force, "N", "normal_force")
-        return Prediction(predict(site.model, site.values, speed, load, pair.covariance, pair.names))
+        return predict(site.model, site.values, speed, load, pair.covariance, pair.names)
 
     @spelled
     def simulate(
@@ -440,28 +439,3 @@ class Fit(Spelled):
         count = len(self.typed.logs)
         if not 1 <= log <= count:
             raise FitError(f"log {log} was asked for; this fit has {count}, counted from 1: choose one of them")
-
-
-@dataclass(frozen=True, repr=False)
-class Prediction(Spelled):
-    """Stability and amplitude at one operating point; shows itself in words.
-
-    document: as `stickslip stability --json` has it, every number with unit, interval and validity.
-    """
-
-    answer: PointPrediction
-
-    @property
-    def document(self) -> Mapping[str, Json]:
-        """The prediction as a document."""
-        return to_dict(self.answer)
-
-    def __repr__(self) -> str:
-        return "\n".join(wrapped(line) for line in self.answer.text.splitlines())
-
-    def to_frame(self) -> pd.DataFrame:
-        """The amplitude as a table, SI: value, lower and upper end (95 %), unit; one row per quantity."""
-        import pandas as pd
-
-        rows = {name: (n.value, *n.ends, n.unit) for name, n in self.answer.amplitude.numbers.items()}
-        return pd.DataFrame.from_dict(rows, orient="index", columns=["value", "lower", "upper", "unit"])
