@@ -48,6 +48,7 @@ from identify.estimation.fit_wording import (
 )
 from identify.estimation.goodness_of_fit import stick_scatter
 from identify.estimation.influence import largest_inflation
+from identify.estimation.preview import detected_curves
 from identify.estimation.search import SearchProblem, alike, search
 from identify.estimation.starts import Sources
 from identify.estimation.stick_strength import with_strengths
@@ -55,7 +56,7 @@ from identify.logs.prepare import Prepared
 from identify.logs.scene_records import prepare_scene, with_drives, with_records
 from identify.logs.unknowns import from_scene, stated_rig, user_start
 from identify.model.model import RIG_PARAMETERS
-from identify.report.log_document import detected_curves, fitted_curves, refused_curves
+from identify.report.log_document import fitted_curves, refused_curves
 from identify.report.result import result_of, with_accuracy
 from identify.scene import Scene
 from identify.scene.tables import quantity

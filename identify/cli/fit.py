@@ -132,7 +132,7 @@ def _preview(scene: Scene, out: Path, terminal: Terminal) -> Answer:
         progress("drawing", 0.8)
         with drawing_style(), atomic_path(file) as temporary:
             draw_preview(start).savefig(temporary, format="png", dpi=130)
-    for sentence in (*start.notices, *drives, *(f"{log.name}: {log.text}" for log in start.logs)):
+    for sentence in (*start.notices, *drives, *(f"{log.curves.name}: {log.text}" for log in start.logs)):
         terminal.say(wrapped(sentence))
     terminal.say(f"the start: {start.source}")
     rows = [["", "value"], *([name, shown(value, start.units[name])] for name, value in start.parameters.items())]
@@ -145,7 +145,9 @@ def _preview(scene: Scene, out: Path, terminal: Terminal) -> Answer:
             "picture": str(file),
             "source": start.source,
             "start": {name: {"value": v, "unit": start.units[name]} for name, v in start.parameters.items()},
-            "logs": [{"name": log.name, "cycles": int(log.onset.size), "text": log.text} for log in start.logs],
+            "logs": [
+                {"name": log.curves.name, "cycles": len(log.curves.cycles), "text": log.text} for log in start.logs
+            ],
         }
     )
 

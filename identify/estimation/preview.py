@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 
 from data_io import Record
 from identify.base.errors import FitError
+from identify.base.result import LogCurves
 from identify.estimation.attempt import place_on
 from identify.estimation.fit_wording import prefit_warnings, wrong_unit
 from identify.estimation.starts import features_of, starts_of
+from identify.logs.prepare import Prepared
 from identify.logs.scene_records import prepare_scene
 from identify.logs.unknowns import user_start
 from identify.scene import Scene
@@ -24,18 +26,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class PreviewLog:
-    """One log before the fit: name, drive speed [m/s]; time [s], force [N] (sliding positive), used (n,); the force of
-    the start trajectory (n,) [N], NaN where there is none and behind the last slip that it is placed on; onsets and
-    arrests (c,) [s] as detected; a sentence."""
+    """One log before the fit: its curves, with the force of the start trajectory in place of the fitted one (NaN where
+    there is none and behind the last slip that it is placed on), and a sentence."""
 
-    name: str
-    drive_speed: float
-    time: Array
-    force: Array
-    used: NDArray[np.bool_]
-    trajectory: Array
-    onset: Array
-    arrest: Array
+    curves: LogCurves
     text: str
 
 
@@ -69,7 +63,7 @@ def preview(scene: Scene, records: Sequence[Record]) -> Preview:
         theta, source = next(starts_of(able, unknowns)), "the mean cycle of each log"
     logs, at_start = [], replace(unknowns, start=theta)
     for log in prepared:
-        cycles, trajectory = log.segmentation.cycles, np.full(log.record.time.size, np.nan)
+        trajectory = np.full(log.record.time.size, np.nan)
         text = log.left_out or "with these values the model does not move like this"
         for _, cut, motion in [] if log.left_out else place_on([log], [0], at_start):
             own = replace(unknowns.with_weak_priors(), start=motion.theta(theta))
@@ -78,9 +72,25 @@ def preview(scene: Scene, records: Sequence[Record]) -> Preview:
             inside = np.isfinite(trajectory) & log.used
             off = float(np.sqrt(np.mean((trajectory - log.force)[inside] ** 2))) if np.any(inside) else float("nan")
             text = f"the start is off by {1e3 * off:.3g} mN (rms); the noise is {1e3 * log.data.noise:.3g} mN"
-        curves, ends = (log.record.time, log.force, log.used, trajectory), (cycles.onset, cycles.arrest)
-        text = f"{cycles.count} cycles found; {text}"
-        logs.append(PreviewLog(log.name, log.data.drive_speed, *curves, *ends, text))
+        shown = replace(detected_curves(log), fitted_force=np.where(log.used, trajectory, np.nan))
+        logs.append(PreviewLog(shown, f"{log.segmentation.cycles.count} cycles found; {text}"))
     values = dict(zip(unknowns.names, unknowns.values(theta, prepared[0].data.base).tolist(), strict=True))
     units = {q.name: q.unit for q in unknowns.model.parameters}
     return Preview(source, values, units, logs, prefit_warnings(prepared))
+
+
+def detected_curves(log: Prepared) -> LogCurves:
+    """Curves of a log that was not fitted: its detected cycles only."""
+    c, raw = log.segmentation.cycles, log.account.raw.friction_force
+    return LogCurves(
+        name=log.name,
+        time=log.record.time,
+        normal_force=log.record.normal_force,
+        friction_force=log.force,
+        fitted_force=np.full(log.record.time.size, np.nan),
+        used=log.used,
+        noise=float(log.segmentation.noise),
+        drive_speed=log.data.drive_speed,
+        cycles=np.column_stack([c.onset, c.arrest, c.onset_force, c.arrest_force, np.full(c.onset.size, np.nan)]),
+        raw_force=None if raw is log.record.friction_force else log.sign * raw,
+    )

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
@@ -156,37 +156,16 @@ def draw_law(fit: Fit, name: str, columns: int = 1) -> Drawing:
 
 def draw_force(curves: LogCurves, position: int, accepted: bool, columns: int = 2) -> Drawing:
     """The figure of log number `position` (from 1), in one column its close-up; `accepted`: whether the fit was."""
-    fitted, onsets = bool(np.isfinite(curves.fitted_force).any()), curves.cycles[:, 0]
-    near = _close_up(curves.time, onsets)
-    spans = [near] if near == slice(None) or columns == 1 else [slice(None), near]
-    heights = [2.9, 1.25, 0.9] if fitted else [2.9, 0.9]
-    figure = NotebookFigure(figsize=(style.WIDTHS[columns], 0.6 + 0.465 * sum(heights)), layout="constrained")
-    grid = figure.subplots(
-        len(heights),
-        len(spans),
-        squeeze=False,
-        height_ratios=heights,
-        width_ratios=[2.1, 1][: len(spans)],
-        sharex="col",
-    )
-    signals = {"measured": curves.friction_force, "fitted": curves.fitted_force, "normal": curves.normal_force}
-    signals["residual"] = curves.friction_force - curves.fitted_force
-    if curves.raw_force is not None:
-        signals["raw"] = curves.raw_force
-    tables: dict[str, Columns] = {}
-    for column, part in enumerate(spans):
-        shown, time = {name: values[part] for name, values in signals.items()}, curves.time[part]
-        title = ("whole log", "close-up")[column] if len(spans) > 1 else ""
-        _force_column(list(grid[:, column]), curves, time, shown, accepted, title, first=not column)
-        kept = np.unique(np.concatenate([extremes(shown[name], STRETCHES) for name in ("measured", "residual")]))
-        drawn = {f"{n}_N": v[kept] for n, v in shown.items() if np.isfinite(v).any()}
-        tables[f"log_{position}_force{'_closeup' * column}"] = {"time_s": time[kept], **drawn}
+    fitted = bool(np.isfinite(curves.fitted_force).any())
+    figure = NotebookFigure(figsize=(style.WIDTHS[columns], 2.95 if fitted else 2.37), layout="constrained")
+    drawn = force_panels(figure, curves, "fitted" if accepted else "last iterate", columns)
     at = f" ({quantity(curves.drive_speed, 'm/s')})" if np.isfinite(curves.drive_speed) else ""
     noise = "; dashed: ± 2 SD of the noise" if fitted and np.isfinite(curves.noise) else ""
     what = "Measured and fitted friction force with residuals" if fitted else "Measured friction force with its cycles"
+    raw = "Behind the measured force: as it was read, before it was corrected."
     caption = (
         "" if fitted else "No curve was fitted through this log; the marks are the cycles detected in the data.",
-        "Behind the measured force: as it was read, before it was corrected." if "raw" in signals else "",
+        "" if curves.raw_force is None else raw,
         "The fitted curve is the last iterate of a fit that was not accepted." if fitted and not accepted else "",
     )
     return Drawing(
@@ -194,9 +173,32 @@ def draw_force(curves: LogCurves, position: int, accepted: bool, columns: int = 
         figure=figure,
         alt=f"{what}, and normal force, of log {position}{at} over time; {len(curves.cycles)} cycles marked{noise}.",
         caption=" ".join(filter(None, caption)),
-        tables=tables,
+        tables={f"log_{position}_force{'_closeup' * column}": table for column, table in enumerate(drawn)},
         log=position,
     )
+
+
+def force_panels(figure: Figure | SubFigure, curves: LogCurves, label: str, columns: int = 2) -> list[Columns]:
+    """Force, residuals where there are any, and normal force of a log below each other, in two columns the whole and a
+    few cycles close up; returns what they show. label: of the fitted force."""
+    near = _close_up(curves.time, curves.cycles[:, 0])
+    spans = [near] if near == slice(None) or columns == 1 else [slice(None), near]
+    heights = [2.9, 1.25, 0.9] if np.isfinite(curves.fitted_force).any() else [2.9, 0.9]
+    rows, ratios = len(heights), [2.1, 1][: len(spans)]
+    grid = figure.subplots(rows, len(spans), squeeze=False, sharex="col", height_ratios=heights, width_ratios=ratios)
+    signals = {"measured": curves.friction_force, "fitted": curves.fitted_force, "normal": curves.normal_force}
+    signals["residual"] = curves.friction_force - curves.fitted_force
+    if curves.raw_force is not None:
+        signals["raw"] = curves.raw_force
+    tables: list[Columns] = []
+    for column, part in enumerate(spans):
+        shown, time = {name: values[part] for name, values in signals.items()}, curves.time[part]
+        title = ("whole log", "close-up")[column] if len(spans) > 1 else ""
+        _force_column(list(grid[:, column]), curves, time, shown, label, title, first=not column)
+        kept = np.unique(np.concatenate([extremes(shown[name], STRETCHES) for name in ("measured", "residual")]))
+        drawn = {f"{n}_N": v[kept] for n, v in shown.items() if np.isfinite(v).any()}
+        tables.append({"time_s": time[kept], **drawn})
+    return tables
 
 
 def _close_up(time: Array, onsets: Array) -> slice:
@@ -218,7 +220,7 @@ def _force_column(
     curves: LogCurves,
     time: Array,
     shown: Mapping[str, Array],
-    accepted: bool,
+    label: str,
     title: str,
     first: bool,
 ) -> None:
@@ -231,7 +233,7 @@ def _force_column(
     colour, width = (style.BEHIND, 2.4) if fitted else (style.MEASURED, 0.9)
     _line(force, time, shown["measured"], colour, width, "measured")
     if fitted:
-        _line(force, time, shown["fitted"], style.FITTED, 0.9, "fitted" if accepted else "last iterate")
+        _line(force, time, shown["fitted"], style.FITTED, 0.9, label)
         residual, noise = 1e3 * shown["residual"], 1e3 * curves.noise if np.isfinite(curves.noise) else 0.0
         _line(axes[1], time, residual, style.RESIDUAL, 0.6)
         for level in (-2 * noise, 2 * noise) if noise else ():
@@ -242,18 +244,18 @@ def _force_column(
     levels = [shown[name] for name in ("measured", "raw") if name in shown]
     padded(force, np.concatenate(levels), above=0.16 if len(levels) == 1 else 0.26)
     padded(normal, shown["normal"], 0.3)
-    for column, marker, colour, label in ((0, "v", style.ONSET, "onset"), (1, "^", style.ARREST, "arrest")):
+    for column, marker, colour, event in ((0, "v", style.ONSET, "onset"), (1, "^", style.ARREST, "arrest")):
         when, force_then = curves.cycles[:, column], curves.cycles[:, column + 2]
         inside = np.flatnonzero((when >= low) & (when <= high) & np.isfinite(force_then))
         if len(inside):  # too many for the picture: an even choice with every extreme
             kept = inside[extremes(force_then[inside], MOST_MARKS // 2)]
-            marks = force.plot(when[kept], force_then[kept], marker, color=colour, markersize=4.2, label=label)
+            marks = force.plot(when[kept], force_then[kept], marker, color=colour, markersize=4.2, label=event)
             marks[0].set(markeredgecolor="white", markeredgewidth=0.4)
     force.set_title(title)
     normal.set_xlabel("time (s)")
     if first:
-        for panel, label in zip(axes, ("friction force (N)", *["residual (mN)"] * fitted, "Fₙ (N)"), strict=True):
-            panel.set_ylabel(label)
+        for panel, text in zip(axes, ("friction force (N)", *["residual\n(mN)"] * fitted, "Fₙ (N)"), strict=True):
+            panel.set_ylabel(text)
         normal.figure.align_ylabels()
         force.legend(loc="upper right", ncols=5)
     edges = np.flatnonzero(np.diff(np.concatenate([[True], curves.used, [True]]).astype(np.int8))).reshape(-1, 2)
@@ -268,30 +270,15 @@ def _force_column(
 
 
 def draw_preview(preview: Preview) -> Figure:
-    """One row per log with its detected cycles and the start trajectory: all of it, and a few cycles close up; at most
-    12 logs."""
+    """Every log with its detected cycles and the start trajectory, as in the report; at most 12 logs."""
     logs = preview.logs[:MOST_LOGS]
-    figure = Figure(figsize=(style.WIDTHS[2], 0.6 + 1.6 * len(logs)), layout="constrained")
+    figure = Figure(figsize=(style.WIDTHS[2], 0.3 + 2.8 * len(logs)), layout="constrained")
     source = f"Nothing is fitted yet. The start: {preview.source}."
     figure.suptitle(source, fontsize=8, weight="bold", x=0.008, ha="left")
-    grid = figure.subplots(len(logs), 2, squeeze=False, width_ratios=[1.7, 1])
-    for row, log in zip(grid, logs, strict=True):
-        measured = np.where(log.used, log.force, np.nan)
-        for axes, part in zip(row, (slice(None), _close_up(log.time, log.onset)), strict=True):
-            time = log.time[part]
-            _line(axes, time, measured[part], style.BEHIND, 0.9, "measured")
-            _line(axes, time, log.trajectory[part], style.FITTED, 0.9, "start trajectory")
-            padded(axes, measured[part], 0.15, above=0.15)
-            for name, moments, colour in (("onset", log.onset, style.ONSET), ("arrest", log.arrest, style.ARREST)):
-                inside = moments[(moments >= time[0]) & (moments <= time[-1])]
-                foot = np.full(inside.size, axes.get_ylim()[0])
-                axes.plot(inside, foot, "|", color=colour, markersize=9, label=name)
-            axes.set_xlim(time[0], time[-1])
-        row[0].set_title(f"{visible(log.name, 60)} · {quantity(log.drive_speed, 'm/s')} · {log.text}")
-        row[0].set_ylabel("force (N)")
-    for axes in grid[-1]:
-        axes.set_xlabel("time (s)")
-    grid[0, 0].legend(loc="upper right", ncols=4)
+    for part, log in zip(figure.subfigures(len(logs), squeeze=False)[:, 0], logs, strict=True):
+        force_panels(part, log.curves, "start trajectory")
+        name, speed = visible(log.curves.name, 60), quantity(log.curves.drive_speed, "m/s")
+        part.suptitle(f"{name} · {speed} · {log.text}", fontsize=7.5, x=0.008, ha="left")
     return figure
 
 

@@ -13,6 +13,7 @@ from data_io.values import Finding
 from identify.base.document import Json, to_dict
 from identify.base.result import LogCurves, LogResult, QualityResult, Status
 from identify.diagnosis.findings import Findings
+from identify.estimation.preview import detected_curves
 from identify.logs.classical import table_of
 from identify.logs.prepare import Prepared
 from identify.logs.regime import Known, look
@@ -175,20 +176,3 @@ def refused_curves(log: Prepared, fitted: LogCurves) -> LogCurves:
     if cycles.shape == fitted.cycles.shape:
         cycles[:, -1] = fitted.cycles[:, -1]
     return replace(fitted, cycles=cycles)
-
-
-def detected_curves(log: Prepared) -> LogCurves:
-    """Curves of a log that was not fitted: its detected cycles only."""
-    c, raw = log.segmentation.cycles, log.account.raw.friction_force
-    return LogCurves(
-        name=log.name,
-        time=log.record.time,
-        normal_force=log.record.normal_force,
-        friction_force=log.force,
-        fitted_force=np.full(log.record.time.size, np.nan),
-        used=log.used,
-        noise=float(log.segmentation.noise),
-        drive_speed=log.data.drive_speed,
-        cycles=np.column_stack([c.onset, c.arrest, c.onset_force, c.arrest_force, np.full(c.onset.size, np.nan)]),
-        raw_force=None if raw is log.record.friction_force else log.sign * raw,
-    )
