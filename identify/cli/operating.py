@@ -215,9 +215,9 @@ def answers(arguments: Namespace, terminal: Terminal) -> Answer:
             terminal.say(wrapped(line, "  ", ""))
         documents.append(document)
     if plot:
-        from identify.report.draw_map import draw_line
+        from identify.report.draw_map import draw_map
 
-        draw_line(maps.line_map(shown[0].site, "drive_speed", _around("drive_speed", shown), LINE), plot)
+        draw_map(maps.line_map(shown[0].site, "drive_speed", _around("drive_speed", shown), LINE), plot)
         terminal.say(f"plot: {plot}")
     whole: dict[str, Json] = {"status": "done", "assumed": list(origins.assumed), "points": documents}
     return Answer(document=whole if offered is None else whole | {"existing_result": str(offered)})
@@ -259,13 +259,10 @@ def _map(
     document = _line_document(drawn) if len(names) == 1 else _chart_document(drawn)
     terminal.say(wrapped(str(document["text"]), "", ""))
     if plot:
-        from identify.report.draw_map import draw_line, draw_map
+        from identify.report.draw_map import draw_map
 
-        if len(names) == 1:
-            draw_line(drawn, plot)
-        else:
-            others = [(axis(p.site, names[0]).value, axis(p.site, names[1]).value) for p in points[1:]]
-            draw_map(drawn, plot, part, others, tested)
+        others = [(axis(p.site, names[0]).value, axis(p.site, names[-1]).value) for p in points[1:]]
+        draw_map(drawn, plot, part, others, tested)
         terminal.say(f"plot: {plot}")
     for file in maps.write_map(drawn, data) if data else ():
         terminal.say(f"data: {file}")

@@ -48,7 +48,8 @@ def draw_map(
     others: Sequence[tuple[float, float]] = (),
     tested: Tested | None = None,
 ) -> None:
-    """Draw a map: regions by outcome with the drop of the force, or ("amplitude") its drop and period.
+    """Draw a map: regions by outcome with the drop of the force, or ("amplitude") its drop and period; of one quantity
+    force levels above, period and slip below, outcomes behind.
 
     Args:
         others: operating points (x, y) [SI] beside that of the chart; tested: the range that logs cover.
@@ -57,17 +58,8 @@ def draw_map(
         OSError: the file cannot be written.
     """
     with drawing_style(), atomic_path(path) as temporary:
-        map_figure(chart, part, others, tested).savefig(temporary, dpi=DPI)
-
-
-def draw_line(answer: Chart, path: File) -> None:
-    """Draw it: force levels above, period and slip below, outcomes behind.
-
-    Raises:
-        OSError: the file cannot be written.
-    """
-    with drawing_style(), atomic_path(path) as temporary:
-        _over_one(answer).savefig(temporary, dpi=DPI)
+        figure = _over_one(chart) if chart.plane.shape[0] == 1 else map_figure(chart, part, others, tested)
+        figure.savefig(temporary, dpi=DPI)
 
 
 def _legend(figure: Figure, handles: Sequence[Artist]) -> None:
