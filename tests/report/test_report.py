@@ -119,6 +119,23 @@ def test_json_turns_everything_not_finite_into_null() -> None:
         as_json({"a": {1, 2}})
 
 
+def holds(new: Any, old: Any) -> bool:
+    """Whether nothing of a document is lost in another one."""
+    if isinstance(old, dict):
+        return all(key in new and holds(new[key], value) for key, value in old.items())
+    return len(new) == len(old) and all(map(holds, new, old)) if isinstance(old, list) else new == old
+
+
+def test_a_result_of_an_earlier_version_is_read_whole() -> None:
+    """As it was written before the schema of result.json was generated from what reads it."""
+    path = Path(__file__).parents[1] / "cases" / "result_of_november.json"
+    found, document = Fit.from_json(path), strict(path.read_text(encoding="utf-8"))
+    assert holds(found.typed.to_dict(), document) and "0.6" in repr(found)
+    check_page(render_page(found, []))
+    document["gate"]["another"] = 1  # the control
+    assert not holds(found.typed.to_dict(), document)
+
+
 def test_hdf5_holds_the_document_and_the_curves(fit: Fit, folder: Path) -> None:
     with h5py.File(folder / "result.h5") as file:
         assert file.attrs["format"] == "stickslip-result"
