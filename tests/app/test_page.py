@@ -280,6 +280,7 @@ def test_a_rig_is_measured_in_the_page_and_scenes_take_it(root, page):
     page.type("[aria-label='speed of pull.csv']", "0.1 mm/s")
     page.press("measure the rig")
     page.wait("document.querySelector('[data-said=rig]')?.textContent.includes('moving mass')")
+    page.wait("document.querySelector('#halves canvas')?.height > 100")
     go(page, "plan")
     page.press("make a scene before any test")
     page.wait("document.getElementById('said').textContent.includes('before.toml')")

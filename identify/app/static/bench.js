@@ -12,13 +12,15 @@ const within = (ends, unit) => { const [low, high] = ends.map((end) => quantity(
 const share = (half) => half === null || half === undefined ? "open" : `± ${plain(100 * half, 2)} %`;
 /** What was measured of a rig; what the logs of a plan identify, now and then, and which logs those are. */
 const TABLES = {
-  rig: (found) => [table(["", { number: "value" }, "95 % interval"], Object.entries(RIG).filter(([name]) => found[name]).map(([name, [words, unit]]) => [words, { number: quantity(found[name].value, unit, 3) }, within(found[name].interval, unit)]))],
+  rig: (found) => [table(["", { number: "value" }, "95 % interval"], Object.entries(RIG).filter(([name]) => found[name]).map(([name, [words, unit]]) => [words, { number: quantity(found[name].value, unit, 3) }, within(found[name].interval, unit)])), element("div", { id: "halves" })],
   plan: ({ logs, now, then, verdicts }) => [
     logs.length ? table([...["drive speed", "normal force", "stiffness", "duration", "rate", "slips"].map((number) => ({ number })), ""], logs.map((log) => [
       ...[quantity(log.drive, "m/s", 3), quantity(log.normal_force, "N", 3), quantity(log.stiffness, "N/m", 3), duration(log.duration), quantity(log.sampling_rate, "Hz", 3), plain(log.slips, 3)].map((number) => ({ number })), log.repeats ? "a repeat with another specimen" : ""]), { class: "cards" }) : null,
     table(["parameter", { number: "now" }, { number: "with these logs" }, "then"], Object.keys(then).map((name) => [SYMBOLS[name] ?? name, { number: share(now[name]) }, { number: share(then[name]) }, verdicts[name]]), { class: "cards" }), element("p", { class: "quiet" }, "Thin: now. Thick: with these logs."), element("div", { id: "halves" })],
 };
 
+/** The intervals of a rig in the form of a plan's. */
+const certain = (found) => { const then = Object.fromEntries(Object.entries(RIG).filter(([name]) => found[name]).map(([name, [words]]) => [words, (found[name].interval[1] - found[name].interval[0]) / 2 / found[name].value])); return { now: then, then }; };
 /** How far the intervals of a plan reach now, and with its logs. */
 function halves(host, { now, then }) {
   const names = Object.keys(then), known = [...Object.values(now), ...Object.values(then)].filter((half) => Number.isFinite(half)), reach = Math.min(100, 120 * Math.max(0.01, ...known));
@@ -78,7 +80,7 @@ export function benchView(host, part, session) {
     const found = job.state === "done" ? await get("job", { id: job.id }) : null, written = job.out && found?.out;
     refill(place, found ? TABLES[kind](found) : element("p", {}, job.message), found ? element("details", { open: !found.out }, element("summary", {}, "in words"), element("pre", { "data-said": kind }, job.words)) : null,
       written ? element("p", {}, element("a", { href: fileAddress(job.out, true) }, job.out), words, more) : null, command(job.command));
-    if (found && kind === "plan") halves(place.querySelector("#halves"), found);
+    if (found) halves(place.querySelector("#halves"), kind === "plan" ? found : certain(found));
   }
   const fill = () => {
     const key = JSON.stringify(session.folder.logs.map((log) => log.path));
