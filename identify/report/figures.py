@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -18,12 +19,13 @@ from numpy.typing import NDArray
 from data_io.atomic import atomic_path, atomic_write
 from data_io.notebook_figure import NotebookFigure
 from identify.base import result as schema
+from identify.base.errors import IdentifyError
 from identify.base.quantiles import LEVEL, chi_square
 from identify.base.result import CYCLE_COLUMNS, LogCurves, ParameterResult
 from identify.base.table import visible
 from identify.base.wording import DASH, decimals, number, quantity, scale_for
 from identify.report import style
-from identify.report.report_wording import is_uneven, plain_symbol, with_group
+from identify.report.report_wording import plain_symbol, with_group
 from identify.report.style import Columns, Drawing, extremes, padded
 
 if TYPE_CHECKING:
@@ -68,6 +70,10 @@ LAWS = {
         "Measured friction over normal force of all logs, above the distance that the drive has moved.",
         "As far as the shortest log goes.",
     ),
+}
+OF_EFFECTS = {  # of LAWS, those of an effect with these parameters
+    "friction_over_speed": ("velocity_weakening", {"mu_k0", "delta_mu_k", "a"}),
+    "strength_over_rest": ("contact_ageing", {"mu_s", "mu_k0", "t_cr"}),
 }
 DIVERGING = "PuOr"  # distinct to colour-blind readers
 
@@ -114,7 +120,7 @@ def available(fit: Fit) -> dict[str, Callable[..., Drawing]]:
     uneven = schema.UnevenResult.of(result)
     for cycles in uneven.uneven_cycles:
         figures[f"log_{cycles.log}_uneven"] = partial(draw_uneven, cycles, uneven.strength_against_rest)
-    figures |= {name: partial(draw_law, fit, name) for name in _laws(fit)}
+    figures |= {name: partial(draw_law, fit, name, of) for name, of in _laws(fit)}
     if result.profile and any(len(curve.values) >= FEWEST_POINTS for curve in result.profile.parameters.values()):
         figures["profile"] = partial(draw_profiles, result.profile, result.parameters)
     if result.optima and sum(optimum.starts for optimum in result.optima) > 1:
@@ -127,27 +133,33 @@ def available(fit: Fit) -> dict[str, Callable[..., Drawing]]:
     return figures
 
 
-def _laws(fit: Fit) -> Iterator[str]:
-    """Those of LAWS that a fit has."""
+def _laws(fit: Fit) -> Iterator[tuple[str, dict[str, int]]]:
+    """Those of LAWS that a fit has, and of which log: the first that took part and has an operating point. A law with a
+    parameter that is not determined has no band and is none of them."""
     result = fit.typed
     if not fit.converged:
         return
     if any(entry.value and any(end is not None for end in entry.ends) for entry in result.parameters.values()):
-        yield "intervals"
+        yield "intervals", {}
     if any(np.isfinite(curves.fitted_force).any() for curves in fit.logs):
-        yield "residual_histogram"
+        yield "residual_histogram", {}
     if len(fit.logs) > 1 and all(np.isfinite(curves.drive_speed) for curves in fit.logs):
-        yield "logs_together"
-    if fit.logs and not is_uneven(result) and all(entry.value for entry in result.parameters.values()):
-        laws = {"velocity_weakening": "friction_over_speed", "contact_ageing": "strength_over_rest"}
-        yield from (name for effect, name in laws.items() if effect in result.effects.names)
+        yield "logs_together", {}
+    known = {e.parameter or name for name, e in result.parameters.items() if e.standard_error or e.verdict == "fixed"}
+    for position, log in enumerate(result.logs, 1):
+        with suppress(IdentifyError):  # of a log without values, or at whose load a law was not measured
+            if log.drive_speed_m_per_s and not log.reason_left_out:
+                effects = fit.scene(position).effects
+                laws = ((name, of) for name, (of, parameters) in OF_EFFECTS.items() if parameters <= known)
+                yield from ((name, {"log": position}) for name, of in laws if of in effects)
+                return
 
 
-def draw_law(fit: Fit, name: str, columns: int = 1) -> Drawing:
-    """One of LAWS."""
+def draw_law(fit: Fit, name: str, of: Mapping[str, int], columns: int = 1) -> Drawing:
+    """One of LAWS, of a log where it is one of a log."""
     method, alt, caption = LAWS[name]
     figure = Figure(figsize=(style.WIDTHS[columns], style.LAW_HEIGHT), layout="constrained")
-    getattr(fit, method)(axes=figure.add_subplot())
+    getattr(fit, method)(axes=figure.add_subplot(), **of)
     return Drawing(name, figure, alt, caption, wide=False)
 
 

@@ -16,7 +16,7 @@ from identify import Fit, FitError, FitOptions, Scene, SceneError, simulate
 from identify.base.document import as_json
 from identify.report import figures, style
 from identify.report.figures import available
-from tests.support.fake_fit import EFFECTS, RIG, TRUTH, failed, fit_of_a_scene
+from tests.support.fake_fit import EFFECTS, RIG, TRUTH, failed, fit_of_a_scene, with_verdicts
 
 
 @pytest.fixture(scope="module")
@@ -82,6 +82,17 @@ def test_the_laws_are_drawn_with_their_values_and_band(fit):
     assert band.min() < curve.min() and band.max() > curve.max()
     with pytest.raises(FitError, match="no profile of a"):
         fit.plot_profile("a")
+
+
+def test_a_law_with_a_parameter_that_is_not_determined_is_no_figure_of_the_report(fit):
+    """Nor one of a scene that is none any more, whose fit still has its report; of a log that was left out no law."""
+    laws = {"friction_over_speed", "strength_over_rest"}
+    assert laws <= set(available(fit)) and laws & set(available(with_verdicts(fit))) == set()
+    lost = replace(fit, result={**fit.result, "provenance": {**fit.result["provenance"], "scene": {"rig": 1}}})
+    assert not laws & set(available(lost)) and "intervals" in available(lost)
+    first, *others = fit.result["logs"]
+    left_out = replace(fit, result={**fit.result, "logs": [{**first, "reason_left_out": "noisy"}, *others]})
+    assert available(left_out)["friction_over_speed"].args[2] == {"log": 2}
 
 
 @pytest.fixture(scope="module")
