@@ -41,7 +41,6 @@ Array = NDArray[np.float64]
 MODEL = "nonlinear model, valid at any speed"
 SHOWN = QUANTITIES | {"frequency": "Hz", "share_in_slip": ""}  # what is reported of the jumps, and its unit
 QUIET = 1e-3  # natural frequencies: what a growth rate near zero is measured by
-LOCATED = 64  # draws of which the end of stick-slip is sought
 ALIKE = 0.03  # of the logarithm of the load, up to which draws of one pair end in the same ratio to the estimate
 
 
@@ -215,47 +214,23 @@ def numbers_of(draws: Sequence[Draws], answers: Sequence[SolutionSet]) -> list[d
 
 def ends_of(asked: Sequence[tuple[Draws, SpeedRange, bool]]) -> list[Array]:
     """Ends (rows,) of ranges with stick-slip, the upper or the lower, of points of one model and their draws, over that
-    of the point; NaN where none is found.
-
-    They are sought in LOCATED of the draws and in the moved points. Of the other draws they are the regression on their
-    settings, with the residuals of those in turn: what it costs is to close in on ends, where motions settle late.
-    """
+    of the point; NaN where none is found."""
     if not asked:
         return []
-    sought = [np.delete(np.arange(len(draws.settings)), np.s_[1 + LOCATED : 1 + draws.count]) for draws, *_ in asked]
-    settings = np.concatenate([draws.settings[rows] for (draws, *_), rows in zip(asked, sought, strict=True)])
-    of, uppers = np.repeat(np.arange(len(asked)), [rows.size for rows in sought]), [upper for *_, upper in asked]
-    model, points = asked[0][0].model, np.array([draws.settings[0] for draws, *_ in asked])
+    model, settings = asked[0][0].model, np.concatenate([draws.settings for draws, *_ in asked])
+    counts, uppers = [len(draws.settings) for draws, *_ in asked], np.array([upper for *_, upper in asked])
+    scale = CycleBatch(model, np.array([draws.settings[0] for draws, *_ in asked])).scale
     states = np.array([part.states[-1 if upper else 0] for _, part, upper in asked])
     speeds = np.log(np.array([part.end(upper) for _, part, upper in asked], dtype=float))
 
     def at(rows: NDArray[np.intp], logarithms: Array) -> Array:
         return np.column_stack([settings[rows, :-1], np.exp(logarithms)])
 
-    test = StickTest(model, at, states[of], CycleBatch(model, points).scale[of], rested=True)
-    ends = locate(test, speeds[of], np.where(uppers, 1.0, -1.0)[of], ROUGH) - speeds[of]
-    return [
-        _completed(draws, rows, ends[of == i]) for i, ((draws, *_), rows) in enumerate(zip(asked, sought, strict=True))
-    ]
-
-
-def _completed(draws: Draws, sought: NDArray[np.intp], found: Array) -> Array:
-    """Ends of all rows over that of the first, from the logarithms of those that were sought."""
-    ends, drawn = np.full(len(draws.settings), np.nan), np.arange(1, 1 + draws.count)
-    ends[sought] = found
-    here, others = drawn[:LOCATED], drawn[LOCATED:]
-    known = here[np.isfinite(ends[here])]
-    if others.size and known.size:
-        varied = draws.settings[:, np.ptp(draws.settings[drawn], axis=0) > 0.0]
-        design = np.column_stack(
-            [np.ones(len(ends)), (varied - varied[drawn].mean(axis=0)) / varied[drawn].std(axis=0)]
-        )
-        weights = np.linalg.lstsq(design[known], ends[known], rcond=None)[0]
-        residuals = ends[here] - design[here] @ weights
-        residuals *= np.sqrt(known.size / max(known.size - len(weights), 1))
-        ends[others] = design[others] @ weights + np.resize(residuals, others.size)
-    ends[0] = 0.0
-    return np.exp(ends)
+    test = StickTest(model, at, np.repeat(states, counts, axis=0), np.repeat(scale, counts, axis=0), rested=True)
+    expected, ahead = np.repeat(speeds, counts), np.repeat(np.where(uppers, 1.0, -1.0), counts)
+    shares, firsts = np.exp(locate(test, expected, ahead, ROUGH) - expected), np.cumsum([0, *counts[:-1]])
+    shares[firsts] = 1.0
+    return np.split(shares, firsts[1:])
 
 
 # Predictions.

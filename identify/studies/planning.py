@@ -149,7 +149,8 @@ def _manifest(source: Path) -> tuple[tuple[ManifestRow, ...], tuple[str, ...]]:
     if "path" not in heading:
         named = ", ".join(heading[:6])
         complaints.append(f"{source}: the heading has no column path ({named}); expected path,group,drive_speed,…")
-    labels = tuple(name for name in heading if name and name not in OWN and not _DOTTED.fullmatch(name))
+    dotted = tuple(name for name in heading if _DOTTED.fullmatch(name))
+    labels = tuple(name for name in heading if name and name not in OWN and name not in dotted)
     missing = {own.replace("_", ""): own for own in OWN if own not in heading}
     for name in labels:
         meant = missing.get("".join(c for c in name.casefold() if c.isalnum()))  # "Drive speed", "drivespeed"
@@ -160,7 +161,7 @@ def _manifest(source: Path) -> tuple[tuple[ManifestRow, ...], tuple[str, ...]]:
     rows: list[ManifestRow] = []
     seen: dict[tuple[object, ...], ManifestRow] = {}
     for line, cells in table[1:]:
-        row = _row(source, line, heading, cells)
+        row = _row(source, line, heading, cells, dotted)
         if isinstance(row, str):
             complaints.append(f"{source.name} line {line}: {row}")
             continue
@@ -186,7 +187,7 @@ def _table(source: Path) -> list[tuple[int, list[str]]]:
     first = next((line for line in text.splitlines() if line.strip()), "")
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=max(",;\t", key=first.count), strict=True)
     try:
-        rows = [(reader.line_num, cells) for cells in reader if any(cell.strip() for cell in cells)]
+        rows = [(reader.line_num, cells) for cells in reader if any(map(str.strip, cells))]
     except csv.Error as error:
         raise BatchError(f"{source} line {reader.line_num}: this is no CSV ({error}); correct that line") from None
     if not rows:
@@ -194,10 +195,12 @@ def _table(source: Path) -> list[tuple[int, list[str]]]:
     return rows
 
 
-def _row(source: Path, line: int, heading: Sequence[str], cells: Sequence[str]) -> ManifestRow | str:
-    """One row, or what is wrong with it."""
-    texts = {name: cell.strip() for name, cell in zip(heading, cells, strict=False) if name and cell.strip()}
-    if any(cell.strip() for i, cell in enumerate(cells) if i >= len(heading) or not heading[i]):
+def _row(
+    source: Path, line: int, heading: Sequence[str], cells: Sequence[str], dotted: Sequence[str]
+) -> ManifestRow | str:
+    """One row, or what is wrong with it; dotted: the columns that are scene paths."""
+    texts = {name: text for name, cell in zip(heading, cells, strict=False) if (text := cell.strip())}
+    if texts.pop("", "") or any(map(str.strip, cells[len(heading) :])):
         return f"a cell stands under no heading; expected {len(heading)} cells: quote texts with a comma"
     if "path" not in texts:
         return "the row has no path; give the log's path, relative to the manifest"
@@ -206,12 +209,12 @@ def _row(source: Path, line: int, heading: Sequence[str], cells: Sequence[str]) 
     if "\0" in texts["path"]:
         return "the path holds a zero byte; correct it"
     path, speed = located(source.parent, texts["path"]), texts.get("drive_speed")
-    overrides = {name: text for name, text in texts.items() if _DOTTED.fullmatch(name)}
+    overrides = {name: texts.pop(name) for name in dotted if name in texts}
     if speed is not None:
         if is_number(speed.replace(",", ".")):
             return f'drive_speed is {speed!r}, without a unit; write for instance "{speed} mm/s"'
         overrides["logs.drive_speed"] = speed
-    labels = {name: text for name, text in texts.items() if name not in OWN and name not in overrides}
+    labels = {name: text for name, text in texts.items() if name not in OWN}
     return ManifestRow(f"{source.name} line {line}", path, texts.get("group", _stem(path)), overrides, labels)
 
 
