@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from identify.prediction.stability import Shaped
 
 Array = NDArray[np.float64]
 
@@ -14,7 +14,7 @@ TINY = 1e-200  # a step into the complex plane
 
 def saturation(
     t: ArrayLike, gamma_0: ArrayLike, speed: ArrayLike, t_cr: ArrayLike, D: ArrayLike, *, derivatives: bool = False
-) -> Any:
+) -> Shaped:
     """Saturation gamma(t) of the contact at constant sliding speed, clamped to [0, 1].
 
     gamma(t) = gamma_inf + (gamma_0 - gamma_inf) exp(-t/t_cr), gamma_inf = 1 - |speed| t_cr/D: eq. (3a)

@@ -8,16 +8,18 @@ All of it needs a V_max << 1; the answer for a scene comes from the nonlinear mo
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from identify.base.linear import one_plus_two_products
 from identify.base.roots import rising_root
+from identify.prediction.stability import Shaped
 
 Array = NDArray[np.float64]
 Long = NDArray[np.longdouble]
+Floats = TypeVar("Floats", Array, Long)
 TURN = 8 * np.arctan(np.longdouble(1))  # 2 pi
 SERIES = np.array([(-1.0) ** (k + 1) * 2 * k / (2 * k + 1) for k in range(1, 26)])  # of (tau - s/Q) s^3/w_d^2
 
@@ -44,7 +46,9 @@ def _pair(alpha: ArrayLike, overshoot: ArrayLike) -> tuple[Array, Array]:
     return np.atleast_1d(first), np.atleast_1d(second)
 
 
-def _shaped(values: NDArray[Any], *like: ArrayLike, where: NDArray[np.bool_] | None = None) -> Any:
+def _shaped(
+    values: Array | NDArray[np.str_] | Long, *like: ArrayLike, where: NDArray[np.bool_] | None = None
+) -> Shaped:
     """Values in the shape of the arguments, those of chosen places NaN elsewhere; a scalar where these are."""
     if where is not None:
         values, chosen = np.full(where.shape, np.nan), values
@@ -52,7 +56,7 @@ def _shaped(values: NDArray[Any], *like: ArrayLike, where: NDArray[np.bool_] | N
     return values.reshape(np.broadcast_shapes(*(np.shape(q) for q in like)))[()]
 
 
-def slip_maximum(alpha: ArrayLike, overshoot: ArrayLike, *, derivatives: bool = False) -> Any:
+def slip_maximum(alpha: ArrayLike, overshoot: ArrayLike, *, derivatives: bool = False) -> Shaped:
     """Dimensionless time of the elongation maximum and the amplitude xi_max - xi_o (eqs. 13-16).
 
     Parameters
@@ -114,7 +118,7 @@ def _status(alpha: Array, overshoot: Array) -> tuple[NDArray[np.str_], Array]:
     return status, first
 
 
-def _velocity_gap(eps: Any, b: Any, q: Any) -> tuple[Any, Any]:
+def _velocity_gap(eps: Floats, b: Floats, q: Floats) -> tuple[Floats, Floats]:
     """exp(alpha tau) (1 - xi') and its slope at the angle eps = 2 pi - w_d tau; zero where the mass sticks."""
     growth, sine, cosine = np.expm1(b * (eps.dtype.type(TURN) - eps)), np.sin(eps / 2), np.cos(eps / 2)
     whole = 2 * sine * cosine
@@ -163,7 +167,7 @@ def slip(alpha: ArrayLike, overshoot: ArrayLike) -> Slip:
         return Slip(_shaped(status, alpha, overshoot), *(_shaped(c, alpha, overshoot, where=again) for c in columns))
 
 
-def slip_end(alpha: ArrayLike, overshoot: ArrayLike, *, derivatives: bool = False) -> Any:
+def slip_end(alpha: ArrayLike, overshoot: ArrayLike, *, derivatives: bool = False) -> Shaped:
     """Dimensionless time and elongation xi - xi_o at which the mass sticks again, xi' = 1 (eqs. 13, 18).
 
     Parameters

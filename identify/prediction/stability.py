@@ -7,7 +7,7 @@ of kinetic friction.
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,6 +16,7 @@ from identify.base.roots import rising_root
 
 Array = NDArray[np.float64]
 
+Shaped: TypeAlias = Any  # a float, or an array in the shape of the arguments; with `derivatives` a pair, see there
 RIG = ("mass", "stiffness", "damping")
 FRICTION = ("mu_s", "mu_k0", "delta_mu_k", "a", "D", "t_cr")
 QUANTITIES = (*RIG, *FRICTION, "drive_speed", "normal_force")  # what the calculators take
@@ -34,14 +35,20 @@ def _linearise(q: dict[str, Array]) -> tuple[Array, Array, NDArray[np.bool_]]:
     return resistance, step, ageing
 
 
-def _roots(q: dict[str, Array]) -> NDArray[np.complex128]:
-    """Dimensionless roots, shape (..., 3), unsorted; NaN for the third where there are two."""
+def _characteristic(q: dict[str, Array]) -> list[Array]:
+    """Coefficients of the characteristic polynomial [kg, ...] of a rate [1/s], from the power 3 down; without ageing
+    one of its roots is zero."""
     resistance, step, ageing = _linearise(q)
-    z = resistance / np.sqrt(q["mass"] * q["stiffness"])
-    fresh = np.where(ageing, np.sqrt(q["mass"] / q["stiffness"]) / q["t_cr"], 0.0)
-    coupling = np.where(ageing, q["normal_force"] * step / (q["D"] * q["stiffness"]), 0.0)
-    cubic = np.stack([z + fresh, 1 + z * fresh - coupling, fresh], axis=-1)
-    companion = np.zeros((*z.shape, 3, 3))
+    m, k, fresh = q["mass"], q["stiffness"], np.where(ageing, 1.0 / q["t_cr"], 0.0)
+    coupling = np.where(ageing, q["normal_force"] * step / q["D"], 0.0)
+    return [m, resistance + m * fresh, k + resistance * fresh - coupling, k * fresh]
+
+
+def _roots(q: dict[str, Array]) -> NDArray[np.complex128]:
+    """Roots [1/s], shape (..., 3), unsorted; NaN for the third where there are two."""
+    natural, (c3, *lower) = np.sqrt(q["stiffness"] / q["mass"]), _characteristic(q)
+    cubic = np.stack([c / (c3 * natural ** (i + 1)) for i, c in enumerate(lower)], axis=-1)  # of the dimensionless rate
+    companion = np.zeros((*c3.shape, 3, 3))
     companion[..., 0, :] = -cubic
     companion[..., 1, 0] = companion[..., 2, 1] = 1.0
     usable = np.asarray(np.isfinite(companion).all(axis=(-1, -2)))[..., None]
@@ -52,20 +59,10 @@ def _roots(q: dict[str, Array]) -> NDArray[np.complex128]:
         better = roots - value / slope
         roots = np.where(np.isfinite(better) & (np.abs(better - roots) < 1e-3 * np.abs(roots)), better, roots)
     none = np.arange(3) == np.argmin(np.abs(roots), axis=-1)[..., None]  # renewed: the root at zero is that of no state
-    return np.where(usable & (ageing[..., None] | ~none), roots, np.nan)
+    return np.where(usable & ((cubic[..., 2:] != 0.0) | ~none), roots * natural[..., None], np.nan)
 
 
-def _characteristic(q: dict[str, Array]) -> list[Array]:
-    """Coefficients of the characteristic polynomial [kg, ...] of a rate [1/s], from the power 3 down."""
-    resistance, step, ageing = _linearise(q)
-    m, k, fresh = q["mass"], q["stiffness"], np.where(ageing, 1.0 / q["t_cr"], 0.0)
-    coupling = np.where(ageing, q["normal_force"] * step / q["D"], 0.0)
-    third = [m, resistance + m * fresh, k + resistance * fresh - coupling, k * fresh]
-    second = [0.0 * m, m, resistance, k]
-    return [np.where(ageing, a, b) for a, b in zip(third, second, strict=True)]
-
-
-def _slopes(q: dict[str, Array], roots: NDArray[np.complex128], sign: Array) -> dict[str, Any]:
+def _slopes(q: dict[str, Array], roots: NDArray[np.complex128], sign: Array) -> dict[str, NDArray[np.complex128]]:
     """d(root)/d(quantity) = -P_q/P_x of P(x; q) = 0, P_q by steps into the complex plane, which lose no digits; roots
     [1/s] of shape (..., 3)."""
     c3, c2, c1, _ = (c[..., None] for c in _characteristic(q))
@@ -87,7 +84,7 @@ def eigenvalues(
     normal_force: ArrayLike,
     *,
     derivatives: bool = False,
-) -> Any:
+) -> Shaped:
     """Eigenvalues of steady sliding [1/s] (eqs. 19-24, derived form, speed dependence of friction kept).
 
     Parameters
@@ -116,7 +113,7 @@ def eigenvalues(
     with np.errstate(all="ignore"):
         roots = _roots(q)
         order = np.lexsort((-roots.imag, -roots.real), axis=-1)
-        rates = np.take_along_axis(roots, order, axis=-1) * np.sqrt(q["stiffness"] / q["mass"])[..., None]
+        rates = np.take_along_axis(roots, order, axis=-1)
         if not derivatives:
             return rates
         return rates, _slopes(q, rates, np.broadcast_to(sign, q["mass"].shape))
@@ -144,7 +141,7 @@ def _tangent(alpha: Array, n: Array) -> tuple[Array, Array]:
     return np.where(tiny, 2 * np.pi * n, psi), np.where(tiny, 0.5 * (np.log(4 * np.pi * n) + np.log(alpha)), log)
 
 
-def log_critical_loading(alpha: ArrayLike, n: ArrayLike = 1, *, derivatives: bool = False) -> Any:
+def log_critical_loading(alpha: ArrayLike, n: ArrayLike = 1, *, derivatives: bool = False) -> Shaped:
     """Natural logarithm of `critical_loading`: finite also where that overflows.
 
     Parameters
@@ -175,7 +172,7 @@ def log_critical_loading(alpha: ArrayLike, n: ArrayLike = 1, *, derivatives: boo
     return (result, {"alpha": slope.reshape(shape)[()]}) if derivatives else result
 
 
-def critical_loading(alpha: ArrayLike, n: ArrayLike = 1, *, derivatives: bool = False) -> Any:
+def critical_loading(alpha: ArrayLike, n: ArrayLike = 1, *, derivatives: bool = False) -> Shaped:
     """Phi_cr(alpha): with Phi = 2 alpha + A below it the mass never sticks again (eqs. 17-18, derived).
 
     Parameters
@@ -209,7 +206,9 @@ def critical_loading(alpha: ArrayLike, n: ArrayLike = 1, *, derivatives: bool = 
         return value[()], {"alpha": slope[()]}
 
 
-def critical_friction(zeta: ArrayLike, tau_cr: ArrayLike, form: Form = "derived", *, derivatives: bool = False) -> Any:
+def critical_friction(
+    zeta: ArrayLike, tau_cr: ArrayLike, form: Form = "derived", *, derivatives: bool = False
+) -> Shaped:
     """Critical friction parameter Pi_fc (eqs. 21-25): steady sliding is stable below it.
 
     Derived: z (1 + T^2/(1 + z T)) with z = 2 zeta, T = tau_cr. Printed eq. (25) has z = zeta in its
@@ -251,7 +250,7 @@ def critical_friction(zeta: ArrayLike, tau_cr: ArrayLike, form: Form = "derived"
     return value, {"zeta": by_zeta[()], "tau_cr": by_time[()]}
 
 
-def critical_frequency(zeta: ArrayLike, tau_cr: ArrayLike, *, derivatives: bool = False) -> Any:
+def critical_frequency(zeta: ArrayLike, tau_cr: ArrayLike, *, derivatives: bool = False) -> Shaped:
     """Omega_c = 1/sqrt(1 + 2 zeta tau_cr): frequency at the boundary over omega_n (eqs. 23-25).
 
     Parameters

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from identify.base.errors import DocumentError, IdentifyError
 from identify.base.quantiles import NORMAL
 from identify.base.result import LogResult, ParameterResult, Result
+from identify.base.table import visible
 from identify.effects import ALL
 from identify.scene.tables import DAMPING
 from identify.studies.batch_store import BATCH, CONVERGED, JOB, RESULT
@@ -30,7 +31,6 @@ WITH_VALUE = ("identified", "weak")  # verdicts of parameters that are pooled
 DECLARED = {p.name: p for effect in ALL for p in effect.parameters}
 SUBJECTS = ("volunteer", "subject", "participant", "person")  # labels that mean a person
 NONE = "none"
-LONG = 60  # characters of a label in a sentence
 
 
 class CompareError(IdentifyError):
@@ -297,15 +297,15 @@ def select(entries: Sequence[FitEntry], question: ComparisonQuestion) -> Selecti
     known = list(dict.fromkeys(name for entry in entries if entry.converged for name in entry.labels))
     for name in (question.by, question.subject):
         if name not in (None, NONE, *known) and not any(name in entry.mixed for entry in entries):
-            others = ", ".join(map(_short, known[:12]))
+            others = ", ".join(map(visible, known[:12]))
             raise CompareError(
-                f"no converged fit has the label {_short(str(name))!r}; expected "
+                f"no converged fit has the label {visible(str(name))!r}; expected "
                 + (f"one of: {others}" if others else "fits with labels, and these have none")
-                + f'; write labels = {{ {_short(str(name))} = "..." }} to the [[logs]] of a scene and fit it again, or '
-                "name the column so in the manifest of a batch"
+                + f'; write labels = {{ {visible(str(name))} = "..." }} to the [[logs]] of a scene and fit it again, '
+                "or name the column so in the manifest of a batch"
             )
     for name in set(question.without) - {entry.name for entry in entries}:
-        raise CompareError(f"no fit is called {_short(name)!r}; expected a name of the table of fits")
+        raise CompareError(f"no fit is called {visible(name)!r}; expected a name of the table of fits")
     subject = question.subject if question.subject != NONE else None
     if question.subject is None:
         subject = next((s for s in SUBJECTS if s != question.by and any(s in e.labels for e in entries)), None)
@@ -313,7 +313,7 @@ def select(entries: Sequence[FitEntry], question: ComparisonQuestion) -> Selecti
     kept = [entry for entry, reason in judged if not reason]
     left_out = tuple((entry.name, reason) for entry, reason in judged if reason)
     if not kept:
-        why = _short(left_out[0][1])
+        why = visible(left_out[0][1])
         raise CompareError(f"no fit is left to compare ({why}); expected converged fits with {question.by!r}")
     people, notes = None, ["No label states whose fits these are: each fit counts as a person of its own."]
     if subject is not None:
@@ -325,7 +325,7 @@ def select(entries: Sequence[FitEntry], question: ComparisonQuestion) -> Selecti
         same.setdefault(tuple(sorted(log.sha256 or entry.name for log in entry.fitted_logs)), []).append(entry.name)
     for names in same.values():
         if len(names) > 1:
-            notes.append(f"{' and '.join(map(_short, names))} are fits of the same logs: leave out one.")
+            notes.append(f"{' and '.join(map(visible, names))} are fits of the same logs: leave out one.")
     setting = Setting(tuple(e.labels[question.by] for e in kept), people)
     return Selection(tuple(kept), setting, subject, left_out, tuple(notes))
 
@@ -347,7 +347,3 @@ def _reason(entry: FitEntry, question: ComparisonQuestion) -> str:
         verdicts.setdefault(p.verdict or "no value", []).append(name)
     listed = "; ".join(f"{', '.join(names)} {verdict}" for verdict, names in verdicts.items())
     return f"it has no value to compare: {listed or 'it has no parameter that its logs share'}"
-
-
-def _short(text: str) -> str:
-    return text if len(text) <= LONG else text[:LONG] + "…"
