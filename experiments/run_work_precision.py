@@ -35,7 +35,7 @@ from identify.model.model import Model, assemble
 from identify.shooting.accuracy import LEVELS
 from identify.simulation.drive import Drive, NormalForce
 from identify.simulation.phases import Machine, Phase, phases
-from identify.simulation.plan import Plan, Stepping, scales
+from identify.simulation.plan import Stepping, scales
 from identify.simulation.simulate import cost, run, simulate
 from identify.simulation.steppers import HIGH, STIFF, Method
 from identify.simulation.trajectory import Trajectory, distance
@@ -113,7 +113,7 @@ def fixed_steps(scene: Scene, method: Method, h: float, *, locate: bool = True) 
     model = scene.model
     p = np.array([scene.values[name] for name in model.parameter_names])
     scale = replace(scales(model, p, 1.0), longest=h)
-    machine = Machine(model, p, scale, Plan(1e6, (method,)), locate=locate)
+    machine = Machine(model, p, scale, Stepping(1e6, method, locate))
     machine.first = dict.fromkeys(machine.first, h)
     x = np.array([state.start for state in model.states], float)
     return tuple(phases(machine, Drive.of(scene.drive_speed), NormalForce.of(1.0), scene.duration, x))

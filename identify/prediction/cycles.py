@@ -103,31 +103,25 @@ def bounds_at_rest(model: Model) -> Array:
     return np.delete(np.array(ends), SPEED, 0).T
 
 
-def half_periods(model: Model, settings: Array) -> Array:
-    """Half natural periods (n,) [s] at settings (n, n_w), of the mass on rig and series element together.
-
-    Softened by the root of the whole compliance over that of the rig.
-    """
-    p, one = settings[:, :-2].T, np.ones(len(settings))
-    u = np.stack([0.0 * one, one, one, 0.0 * one])
-    low, high = (np.array(model.at_force(force * one[None], p, u)) for force in (0.0, 1.0))
-    pull = np.array(model.driving_force(high, p, u) - model.driving_force(low, p, u)).ravel()
-    mass, stiffness = (p[model.parameter_names.index(name)] for name in ("mass", "stiffness"))
-    softened = np.sqrt((high - low)[ELONGATION] * stiffness / pull)
-    return np.asarray(np.pi * np.sqrt(mass / stiffness) * softened)
-
-
 def slide_limits(model: Model, settings: Array, growth: Array) -> Array:
     """Durations (n,) [s] at settings (n, n_w) after which a mass that has not come to rest is taken to slide on.
 
-    Longer where a disturbance of steady sliding grows (`growth` (n,) [1/s]) but slowly, and under heavy damping, where
-    the mass creeps to rest.
+    SLIDES_AFTER half natural periods of the mass on rig and series element together (softened by the root of the whole
+    compliance over that of the rig); longer where a disturbance of steady sliding grows (`growth` (n,) [1/s]) but
+    slowly, and under heavy damping, where the mass creeps to rest.
     """
-    half, p, one = half_periods(model, settings), settings[:, :-2].T, np.ones(len(settings))
-    x = np.zeros((len(model.states), one.size))
-    pulls = [np.array(model.driving_force(x, p, np.stack([v * one, one, one, 0.0 * one]))).ravel() for v in (0.0, 1.0)]
+    p, one = settings[:, :-2].T, np.ones(len(settings))
     mass, stiffness = (p[model.parameter_names.index(name)] for name in ("mass", "stiffness"))
-    zeta = (pulls[1] - pulls[0]) / (2.0 * np.sqrt(mass * stiffness))
+
+    def pull(x: Array, speed: float = 0.0) -> Array:
+        return np.asarray(model.driving_force(x, p, np.stack([speed * one, one, one, 0.0 * one]))).ravel()
+
+    still = np.stack([0.0 * one, one, one, 0.0 * one])
+    low, high = (np.array(model.at_force(force * one[None], p, still)) for force in (0.0, 1.0))
+    softened = np.sqrt((high - low)[ELONGATION] * stiffness / (pull(high) - pull(low)))
+    half = np.pi * np.sqrt(mass / stiffness) * softened
+    x = np.zeros((len(model.states), one.size))
+    zeta = (pull(x, 1.0) - pull(x)) / (2.0 * np.sqrt(mass * stiffness))
     with np.errstate(all="ignore"):
         waits = np.where(growth > 0.0, np.clip(GROWN / (growth * half), SLIDES_AFTER, LONGEST_PATIENCE), SLIDES_AFTER)
     return np.asarray(waits * half * np.where(zeta > 1.0, 1.0 + zeta, 1.0))
@@ -300,8 +294,9 @@ class CycleBatch:
         n, n_x = x.shape
         at, events, clamped = BurstState(n_x), _events(self.model), self.model.clamped
         lowest = 0.0 if clamped is None else self.model.states[clamped].lower or 0.0
-        exits = [dict(mode.exits) for mode in sliding_modes(clamped is not None).values()]
-        leaves = np.array([[guard in mode for guard in GUARDS] for mode in exits])
+        leaves = np.array(
+            [[guard in exits for guard in GUARDS] for exits in sliding_modes(clamped is not None).values()]
+        )
         floor = FLOOR * np.insert(self.scale, SPEED, self.settings[:, -2] * self.time / self._column("mass"), axis=1)
         floor[:, SPEED] *= min(ROUNDING / ACCURACY, 1.0)
         tolerances = ACCURACY * np.insert(floor, 0, 1.0, axis=1)

@@ -29,7 +29,7 @@ from identify.shooting.batch import Slips, Waves
 from identify.shooting.layout import Grid
 from identify.shooting.shooting_trajectory import End, ShootingTrajectory, Stretch
 from identify.simulation.drive import NormalForce
-from identify.simulation.phases import Phase, Resting, Stick, rest, sticks
+from identify.simulation.phases import Phase, Resting, Stick, sticks
 from identify.simulation.plan import Stepping
 from identify.simulation.simulate import run
 from identify.simulation.sliding import Sliding, lasting
@@ -94,7 +94,7 @@ class LogContext:
 
         def until(time: float, force: tuple[float, float]) -> Stick:
             speed, rising = self.log.speed_at(t), self.log.acceleration_at(t)
-            return rest(self.rests, x, Situated(self.p, speed, 1.0, *force, t, rising), t, time - t)
+            return self.rests.rest(x, Situated(self.p, speed, 1.0, *force, t, rising), time - t)
 
         while t < end:
             change, knot = min(self.change_after(t), end), bisect_right(load.times, t)

@@ -19,7 +19,7 @@ from identify.base.errors import SimulationError
 from identify.base.roots import first_zero, zero_between
 from identify.model.model import ELONGATION, INPUTS, SPEED, TIME, Model
 from identify.simulation.drive import Drive, NormalForce, breaks
-from identify.simulation.plan import Plan, Scales, swing
+from identify.simulation.plan import Scales, Stepping, swing
 from identify.simulation.stepper import (
     GUARDS,
     N_GUARDS,
@@ -118,19 +118,17 @@ class Resting:
         self._row.bind([self._x, self._c, self._t])
         self._curvature.bind([self._x, self._c, self._at_shares])
 
-    def until(self, x: Array, situated: Situated, limit: float) -> tuple[float | None, Array, float]:
-        """Rest from x (n_x,), its speed zero, for at most `limit` [s].
-
-        Returns:
-            when the static limit is overcome [s] (0: at once; None: not before the limit), the state then or at the
-            limit (n_x,), the force of the drive there [N].
+    def rest(self, x: Array, situated: Situated, limit: float) -> Stick:
+        """Rest from x (n_x,), its speed taken as zero, until the static limit is overcome, or for `limit` [s].
 
         Raises:
             SimulationError: too fast a vibration to be looked at.
         """
+        x = x.copy()
+        x[SPEED] = 0.0
         margin, force = self.margin(x, situated)
         if margin <= 0.0:
-            return 0.0, x, force
+            return Stick("stick", situated.time, situated, np.zeros(1), x[None], "speed", force)
         onset = None
 
         def margins(times: Array) -> Array:
@@ -148,8 +146,10 @@ class Resting:
                 onset = first_zero(margins, limit, period, least)
             elif self._at(limit)[0] <= 0.0:
                 onset = zero_between(margins, 0.0, limit)
-        row = self._at(limit if onset is None else onset)
-        return onset, row[3:].copy(), float(row[2])
+        until, ended_by = (limit, None) if onset is None else (onset, GUARDS[0])
+        row, nodes = self._at(until), 2 if until > 0.0 else 1
+        t, states = np.array([0.0, until][:nodes]), np.array([x, row[3:]][:nodes])
+        return Stick("stick", situated.time, situated, t, states, ended_by, float(row[2]))
 
     def margin(self, x: Array, situated: Situated) -> tuple[float, float]:
         """By how much a mass at rest in x (n_x,) withstands the drive [N], and the force of the drive [N]."""
@@ -165,17 +165,6 @@ class Resting:
     def _at_times(self, function: Mapped, times: Array) -> Array:
         """A margin [N] at times (n,) [s]."""
         return function([*(np.repeat(given[None], times.size, axis=0) for given in (self._x, self._c)), times])[0][:, 0]
-
-
-def rest(rests: Resting, x: Array, situated: Situated, start: float, limit: float) -> Stick:
-    """Rest from state x until the static limit is overcome, or for `limit` [s]."""
-    x = x.copy()
-    x[SPEED] = 0.0
-    onset, after, force = rests.until(x, situated, limit)
-    until = limit if onset is None else onset
-    nodes = np.array([x, after] if until > 0.0 else [x])
-    t = np.array([0.0, until][: len(nodes)])
-    return Stick("stick", start, situated, t, nodes, None if onset is None else "speed", force)
 
 
 # Rests side by side, from a state, parameters and inputs of each row; no drive may vibrate.
@@ -252,23 +241,22 @@ class Machine:
 
     Args:
         p: parameters (n_p,).
-        locate: False takes the step at whose end an event function is negative as it is (a control for tests:
-            accuracy is lost).
+        stepping: where it does not locate switches, the step at whose end an event function is negative is taken as it
+            is (a control for tests: accuracy is lost).
     """
 
-    def __init__(self, model: Model, p: Array, scale: Scales, plan: Plan, *, locate: bool = True) -> None:
-        self.model, self.locate, self.scale, self.p = model, locate, scale, p
+    def __init__(self, model: Model, p: Array, scale: Scales, stepping: Stepping) -> None:
+        self.model, self.locate, self.scale, self.p = model, stepping.locate, scale, p
         self._steps, self._pace = MAX_STEPS, 0.0  # the last: of a motion that goes on [s]
         floor = FLOOR * scale.state
         # The speed of a slip that starts from balance grows from nothing: relative down to the rounding of the forces.
-        floor[SPEED] *= min(ROUNDING / plan.rtol, 1.0)
-        self.tolerances = np.concatenate([[plan.rtol], plan.rtol * floor])
-        self._left = list(plan.methods)
+        floor[SPEED] *= min(ROUNDING / stepping.rtol, 1.0)
+        self.tolerances = np.concatenate([[stepping.rtol], stepping.rtol * floor])
+        self._left = list(stepping.methods(scale.stiff))
         self.stepper = self._next()
         self.rests = Resting(model)
-        modes = sliding_modes(model.clamped is not None)
-        self.first = dict.fromkeys(modes, min(FIRST * scale.time, scale.first))
-        self.following: dict[ModeName, dict[GuardName, ModeName]] = {n: dict(mode.exits) for n, mode in modes.items()}
+        self.following = sliding_modes(model.clamped is not None)
+        self.first = dict.fromkeys(self.following, min(FIRST * scale.time, scale.first))
 
     def _next(self) -> Stepper:
         """The stepper of the first method that is left."""
@@ -412,7 +400,7 @@ def phases(machine: Machine, drive: Drive, normal_force: NormalForce, duration: 
         situated = Situated(p, speed, direction, *normal_force.line(t), t, acceleration)
         limit = max(float(ends[segment]) - t, 0.0)
         if mode == "stick":
-            phase = stick = rest(machine.rests, x, situated, t, limit)
+            phase = stick = machine.rests.rest(x, situated, limit)
             direction = -1.0 if stick.drive_force < 0.0 else 1.0
         else:
             phase = slide = machine.slide(mode, x, situated, limit)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -110,28 +110,36 @@ LOOSER_SHARE = 0.1  # of the distance to the looser one of them is at most the e
 
 @dataclass(frozen=True)
 class Stepping:
-    """How to step where a comparison or a control says so: relative tolerance of one step, the one method for all
-    sliding (None: as the motion asks for), and whether switches are located (see `Machine`)."""
+    """Relative tolerance of one step; where a comparison or a control says so, the one method for all sliding (None: as
+    the motion asks for), and whether switches are located (see `Machine`)."""
 
     rtol: float
     method: Method | None = None
     locate: bool = True
 
+    @staticmethod
+    def of(accuracy: float) -> Stepping:
+        """That of a motion with a relative accuracy."""
+        return Stepping(float(np.clip(accuracy / SAFETY, FINEST, COARSEST)))
 
-@dataclass(frozen=True)
-class Plan:
-    """rtol: relative tolerance of one step; methods in the order in which they take over."""
+    def methods(self, stiff: bool) -> tuple[Method, ...]:
+        """Methods in the order in which they take over.
 
-    rtol: float
-    methods: tuple[Method, ...]
+        Motions with fast decays are left to an implicit method, the rest to an explicit one of high order. Either waits
+        behind the other, and what holds an explicit method back may hold the implicit one back more: then the first one
+        has the last word.
+        """
+        if self.method is not None:
+            return (self.method,)
+        return (STIFF, HIGH) if stiff else (HIGH, STIFF, HIGH)
 
-    def other(self) -> tuple[Plan, float]:
-        """A plan to judge this one by, and the share of the distance between the two that is the error of this one:
-        a tighter one where there is room for it, else a looser one."""
+    def other(self) -> tuple[Stepping, float]:
+        """Steps to judge these by, and the share of the distance between the two that is the error of these: tighter
+        ones where there is room for them, else looser ones."""
         if self.rtol / APART >= 1e-13:  # rounding takes over below
-            # The tighter one has an error too.
-            return Plan(self.rtol / APART, self.methods), 1.5
-        return Plan(self.rtol * APART, self.methods), LOOSER_SHARE
+            # The tighter ones have an error too.
+            return replace(self, rtol=self.rtol / APART), 1.5
+        return replace(self, rtol=self.rtol * APART), LOOSER_SHARE
 
 
 def accuracy_for(noise: float | None, force: float) -> float:
@@ -139,16 +147,3 @@ def accuracy_for(noise: float | None, force: float) -> float:
     if not noise:
         return ACCURACY
     return float(np.clip(0.1 * noise / force, ACCURACY, 1e-4))
-
-
-def plan(scale: Scales, stepping: Stepping) -> Plan:
-    """Methods and tolerance of a motion.
-
-    Motions with fast decays are left to an implicit method, the rest to an explicit one of high order. Either waits
-    behind the other, and what holds an explicit method back may hold the implicit one back more: then the first one has
-    the last word.
-    """
-    if stepping.method is not None:
-        return Plan(stepping.rtol, (stepping.method,))
-    methods = (STIFF, HIGH) if scale.stiff else (HIGH, STIFF, HIGH)
-    return Plan(float(np.clip(stepping.rtol, FINEST, COARSEST)), methods)

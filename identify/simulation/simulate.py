@@ -22,7 +22,7 @@ from identify.scene.tables import quantity
 from identify.scene.values import DriveSpeed
 from identify.simulation.drive import Drive, NormalForce
 from identify.simulation.phases import Machine, phases
-from identify.simulation.plan import ACCURACY, SAFETY, Plan, Stepping, accuracy_for, admit, plan, scales
+from identify.simulation.plan import ACCURACY, Stepping, accuracy_for, admit, scales
 from identify.simulation.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -82,8 +82,7 @@ def run(
             "give the mass under [rig]"
         )
     admit(model, values, duration)
-    stepping = accuracy if isinstance(accuracy, Stepping) else Stepping(accuracy / SAFETY)
-    accuracy = ACCURACY if isinstance(accuracy, Stepping) else accuracy
+    stepping, accuracy = (accuracy, ACCURACY) if isinstance(accuracy, Stepping) else (None, accuracy)
     if not 0.0 < accuracy < 1.0:
         raise SimulationError(f"the accuracy is {accuracy}; expected a relative error between 0 and 1, such as 1e-6")
     p = np.array([values[name] for name in model.parameter_names])
@@ -93,12 +92,12 @@ def run(
     scale = scales(model, p, float(load.at(0.0)))
     x = np.array([initial.get(s.name, s.start) for s in model.states], dtype=float)
 
-    def made(steps: Plan) -> Trajectory:
-        motion = tuple(phases(Machine(model, p, scale, steps, locate=stepping.locate), programme, load, duration, x))
+    def made(steps: Stepping) -> Trajectory:
+        motion = tuple(phases(Machine(model, p, scale, steps), programme, load, duration, x))
         other, share = steps.other()
         return Trajectory(model, motion, duration, accuracy, lambda: made(other), share)
 
-    return made(plan(scale, stepping))
+    return made(stepping or Stepping.of(accuracy))
 
 
 @spelled

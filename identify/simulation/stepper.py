@@ -7,7 +7,7 @@ zero. So switch times are as accurate as the integration, not as its interpolati
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import lru_cache
@@ -35,22 +35,15 @@ GuardName = Literal["speed", "clearance", "release"]
 GUARDS: tuple[GuardName, ...] = ("speed", "clearance", "release")
 
 
-@dataclass(frozen=True)
-class Mode:
-    """One mode of motion. `exits` maps a guard that falls through zero to the mode that follows."""
-
-    name: ModeName
-    exits: tuple[tuple[GuardName, ModeName], ...]
+EXITS: Mapping[ModeName, Mapping[GuardName, ModeName]] = {
+    "slip": {"speed": "stick", "clearance": "renewed"},
+    "renewed": {"speed": "stick", "release": "slip"},
+}  # by sliding mode: the guard that falls through zero, and the mode that follows
 
 
-SLIP = Mode("slip", exits=(("speed", "stick"), ("clearance", "renewed")))
-RENEWED = Mode("renewed", exits=(("speed", "stick"), ("release", "slip")))
-PLAIN_SLIP = Mode("slip", exits=(("speed", "stick"),))
-
-
-def sliding_modes(has_clamped_state: bool) -> dict[ModeName, Mode]:
-    """The sliding modes of a model; without a clamped state there is one."""
-    return {"slip": SLIP, "renewed": RENEWED} if has_clamped_state else {"slip": PLAIN_SLIP}
+def sliding_modes(has_clamped_state: bool) -> Mapping[ModeName, Mapping[GuardName, ModeName]]:
+    """The sliding modes of a model with their exits; without a clamped state there is one."""
+    return EXITS if has_clamped_state else {"slip": {"speed": "stick"}}
 
 
 N_GUARDS = len(GUARDS)
@@ -125,7 +118,7 @@ def event_functions(model: Model, mode: ModeName) -> ca.Function:
     does not end the mode."""
     moving, free = rate(model, mode), rate(model, "slip")
     x, c, t, _p, u = symbols(model)
-    exits = dict(sliding_modes(model.clamped is not None)[mode].exits)
+    exits = sliding_modes(model.clamped is not None)[mode]
     guards = [u[2] * x[SPEED], ca.SX(1), ca.SX(1)]
     if model.clamped is not None and "clearance" in exits:
         guards[1] = x[model.clamped] - (model.states[model.clamped].lower or 0.0)
@@ -261,7 +254,7 @@ def paced(model: Model, method: Method, mode: ModeName, locating: bool) -> ca.Fu
     z, bounds = ca.SX.sym("z", at.size), ca.SX.sym("bounds", 5)
     c, tolerances = ca.SX.sym("c", len(model.parameters) + numbers_of(model)), ca.SX.sym("tolerances", at.n + 1)
     x, t, ends, control = z[: at.n], z[at.t], z[at.ends], z[at.control]
-    exits = [GUARDS.index(name) for name, _ in sliding_modes(model.clamped is not None)[mode].exits]
+    exits = [GUARDS.index(name) for name in sliding_modes(model.clamped is not None)[mode]]
     h = z[at.h] if locating else _length(model, at, z, exits, bounds)
     row = trial(model, method, mode)(ca.vertcat(x, t, h), c, tolerances)
     after, after_ends = row[: at.n], row[at.n + 1 :]

@@ -11,7 +11,7 @@ from experiments.reference_methods import ALL, BOGACKI_SHAMPINE, DORMAND_PRINCE,
 from identify.base.errors import SimulationError
 from identify.model.model import SPEED, assemble
 from identify.simulation import steppers
-from identify.simulation.plan import ACCURACY, Stepping, accuracy_for, plan, scales
+from identify.simulation.plan import ACCURACY, Stepping, accuracy_for, scales
 from identify.simulation.simulate import run
 from identify.simulation.stepper import Situated, trial
 from identify.simulation.steppers import HIGH, STIFF, Method
@@ -131,7 +131,7 @@ def test_stiff_motion_is_left_to_the_implicit_method() -> None:
     names = ("inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening", "sensor_lag")
     model, values = assemble(names), PAIR | {"lag_time": 2e-6}
     p = np.array([values[name] for name in model.parameter_names])
-    assert plan(scales(model, p, 1.0), Stepping(1e-7)).methods[0] == STIFF
+    assert Stepping(1e-7).methods(scales(model, p, 1.0).stiff)[0] == STIFF
     found = run(model, values, 1e-3, 1.0, 1.0, accuracy=1e-6)
     assert found.methods == (STIFF.name,)
     np.testing.assert_allclose(found.onsets, run(MODEL, PAIR, 1e-3, 1.0, 1.0).onsets, atol=1e-7)
