@@ -27,6 +27,7 @@ from run_window_study import EFFECTS, random_pairs  # noqa: E402
 
 from identify.base.document import to_dict  # noqa: E402
 from identify.model.model import assemble  # noqa: E402
+from identify.prediction.axes import Site  # noqa: E402
 from identify.prediction.predict import predict  # noqa: E402
 
 Array = NDArray[np.float64]
@@ -60,7 +61,7 @@ def cases(count: int, seed: int) -> list[Case]:
     for pair in random_pairs(10 * count, seed):
         if len(out) == count:
             break
-        first = to_dict(predict(model, pair, 1e-3, pair["normal_force"]))["stability"]
+        first = to_dict(predict(Site(model, pair, 1e-3, pair["normal_force"])))["stability"]
         if first["critical_speed"]["value"] is None or len(first["stick_slip_between"]) != 1:
             continue
         end, low = first["critical_speed"]["value"], first["stick_slip_between"][0]["from"]
@@ -73,7 +74,8 @@ def cases(count: int, seed: int) -> list[Case]:
         correlation = mixing @ mixing.T
         sd = level * sizes / np.sqrt(np.diag(correlation))
         covariance = correlation * np.outer(sd, sd)
-        document = to_dict(predict(model, pair, speed, pair["normal_force"], covariance, NAMES))
+        site = Site(model, pair, speed, pair["normal_force"], covariance=covariance, names=NAMES)
+        document = to_dict(predict(site))
         if document["amplitude"]["drop"]["value"] is not None:
             out.append(Case(pair, speed, covariance, document))
     return out

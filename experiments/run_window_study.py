@@ -25,6 +25,7 @@ from brute_force import Lanes, begun, simulate, swings_die  # noqa: E402
 
 from identify.base.document import to_dict  # noqa: E402
 from identify.model.model import assemble  # noqa: E402
+from identify.prediction.axes import Site  # noqa: E402
 from identify.prediction.predict import predict  # noqa: E402
 
 Array = NDArray[np.float64]
@@ -153,7 +154,7 @@ def main(fast: bool = False, count: int = 60, seed: int = 50) -> float:
     answers = []
     for pair in pairs:
         asked = spread_speeds(pair, 2 if fast else ASKED, rng)
-        answers.append([to_dict(predict(model, pair, float(v), pair["normal_force"])) for v in asked])
+        answers.append([to_dict(predict(Site(model, pair, float(v), pair["normal_force"]))) for v in asked])
     print(f"{count} pairs asked at {len(answers[0])} drive speeds: {time.process_time() - began:.0f} s of CPU")
     same = [all(alike(each[0], other) for other in each[1:]) for each in answers]
     wrong = [text for each in answers for document in each if (text := contradiction(document))]

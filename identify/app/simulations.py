@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -125,7 +126,7 @@ def answer_at(site: Site, result: Result | None, changes: Mapping[str, float]) -
     values = {name: float(moved[name]) for name in site.model.parameter_names}
     speed, load = float(moved.get(SPEED, site.drive_speed)), float(moved.get(LOAD, site.normal_force))
     with ONE_AT_A_TIME:
-        answer = predict(site.model, values, speed, load)
+        answer = predict(replace(site, values=values, drive_speed=speed, normal_force=load))
     tested = None if result is None else Tested.of_result(result)
     document = {
         "outcome": answer.stability.outcome,

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from data_io.spelling import Spelled
 from identify.base.document import FURTHER, Json, to_dict
@@ -236,20 +236,11 @@ def ends_of(asked: Sequence[tuple[Draws, SpeedRange, bool]]) -> list[Array]:
 # Predictions.
 
 
-def predict(
-    model: Model,
-    values: Mapping[str, float],
-    drive_speed: float,
-    normal_force: float,
-    covariance: ArrayLike | None = None,
-    names: Sequence[str] = (),
-    draws: int = DRAWS,
-) -> PointPrediction:
-    """What follows from a pair and a rig at one drive speed and normal force.
+def predict(site: Site, draws: int = DRAWS) -> PointPrediction:
+    """What follows from a pair and a rig at one drive speed (its sign is irrelevant) and normal force.
 
     Args:
-        values, drive_speed, normal_force, covariance, names: as in `Site`.
-        draws: from the covariance, for intervals.
+        draws: from the covariance of the site, for intervals.
 
     Returns:
         every number with unit, interval and validity, None where there is none, and plain words. Intervals hold 95 % of
@@ -259,7 +250,6 @@ def predict(
     Raises:
         SimulationError: an operating point without meaning, or a motion that cannot be integrated.
     """
-    site = Site(model, values, drive_speed, normal_force, covariance=covariance, names=tuple(names))
     return _predicted([site], draws)[0]
 
 

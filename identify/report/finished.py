@@ -370,7 +370,8 @@ class Fit(Spelled):
         site, pair = site_of(scene), pair_of(self.typed, scene, log - 1)
         speed = site.drive_speed if drive_speed is None else quantity(drive_speed, "m/s", "drive_speed")
         load = site.normal_force if normal_force is None else quantity(normal_force, "N", "normal_force")
-        return predict(site.model, site.values, speed, load, pair.covariance, pair.names)
+        here = replace(site, drive_speed=speed, normal_force=load, covariance=pair.covariance, names=pair.names)
+        return predict(here)
 
     @spelled
     def simulate(

@@ -39,7 +39,7 @@ def drawn(names, covariance, count=400, seed=0, speed=1e-3):
 
 
 def asked(speed, covariance=None, names=NAMES, /, draws=50, **changes):
-    return to_dict(predict(MODEL, DEMO | changes, speed, 1.0, covariance, names, draws))
+    return to_dict(predict(Site(MODEL, DEMO | changes, speed, 1.0, covariance=covariance, names=tuple(names)), draws))
 
 
 @pytest.mark.slow

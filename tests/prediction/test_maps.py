@@ -72,7 +72,7 @@ def test_nodes_of_a_map_are_the_single_answers(speed_and_stiffness):
     assert set(made.shares) == {"always sticks", "never sticks", "bistable"}
     for j, i in ((0, 0), (3, 2), (3, 5), (1, 8)):
         grid = made.plane
-        answer = predict(SITE.model, DEMO | {"stiffness": grid.y_values[j]}, grid.x_values[i], 1.0)
+        answer = predict(Site(SITE.model, DEMO | {"stiffness": grid.y_values[j]}, grid.x_values[i], 1.0))
         assert made.outcomes[j, i] == answer.stability.outcome
         period = answer.amplitude.numbers["period"].value
         assert made.figures["period"][j, i] == pytest.approx(

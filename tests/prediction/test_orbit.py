@@ -59,7 +59,7 @@ def solution_of(model, w):
 
 
 def asked(speed, effects=MAIN, /, **changes):
-    return to_dict(predict(assemble(effects), values_of(effects, **changes), speed, LOAD))
+    return to_dict(predict(Site(assemble(effects), values_of(effects, **changes), speed, LOAD)))
 
 
 def test_bistable_is_both():
@@ -166,7 +166,7 @@ def test_what_has_no_meaning_is_refused_in_one_sentence_and_holds_up_no_other_po
     documents = [to_dict(answer) for answer in predictions(points)]
     assert "not zero" in documents[0]["text"] and documents[1]["stability"]["outcome"] == "always sticks"
     with pytest.raises(SimulationError, match="'mass_of_moon'"):
-        predict(assemble(MAIN), DEMO, 1e-3, LOAD, np.eye(1), ["mass_of_moon"])
+        predict(Site(assemble(MAIN), DEMO, 1e-3, LOAD, covariance=np.eye(1), names=("mass_of_moon",)))
     two = (*MAIN, "occlusion", "excitation")
     with pytest.raises(SimulationError, match="--without occlusion --without excitation"):
-        predict(assemble(two), values_of(two), 1e-3, LOAD)
+        predict(Site(assemble(two), values_of(two), 1e-3, LOAD))

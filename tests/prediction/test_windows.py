@@ -16,6 +16,7 @@ from brute_force import Lanes, onsets, simulate
 
 from identify.base.document import to_dict
 from identify.model.model import assemble
+from identify.prediction.axes import Site
 from identify.prediction.predict import predict
 from identify.prediction.windows import speed_windows
 from identify.scene import Scene
@@ -34,7 +35,7 @@ def pair_of(name: str) -> dict[str, float]:
 
 def ask(pair: dict[str, float], speed: float) -> dict:
     """The answer at a drive speed [m/s]."""
-    return to_dict(predict(assemble(study.EFFECTS), pair, speed, pair["normal_force"]))
+    return to_dict(predict(Site(assemble(study.EFFECTS), pair, speed, pair["normal_force"])))
 
 
 WINDOW, FLIP = pair_of("window_of_stickslip.toml"), pair_of("flip_end_of_stickslip.toml")
