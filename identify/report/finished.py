@@ -343,8 +343,8 @@ class Fit(Spelled):
         values, pair = scene.values(), pair_of(self.typed, scene, log - 1)
         x = over(values)
         with axes_of(axes) as on:
-            if pair.covariance is not None:
-                draws = Draws.of(replace(site_of(scene), covariance=pair.covariance, names=pair.names))
+            draws = Draws.of(replace(site_of(scene), covariance=pair.covariance, names=pair.names))
+            if draws.count:
                 columns = {n: draws.column(n)[1 : 1 + draws.count, None] for n in scene.model.parameter_names}
                 band = np.quantile(law(columns, x), QUANTILES, axis=0)
                 on.fill_between(x, *band, color=FITTED, alpha=0.25, linewidth=0)
