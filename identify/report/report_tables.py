@@ -62,22 +62,20 @@ def method_table(result: Result) -> OutputTable:
         curve, part, scale = profiles.get(name), resampled.get(name), scale_for(entry.value, entry.unit)
         if curve is None and part is None:
             continue
-        head = plain_symbol(with_group(name, entry.group))
-        row = [Cell(head, note=quantity(entry.value, entry.unit, 5)), Cell(interval_text(entry.ends, scale))]
-        if profiles:
-            remarks = ["ends at a bound of the scene"] if curve and any(curve.at_bound) else []
-            remarks += ["a point failed"] if curve and any(curve.failed) else []
-            row.append(Cell(interval_text(curve.interval, scale), note=" · ".join(remarks)) if curve else Cell())
-        if resampled:
-            spread = part.spread_in_standard_errors if part else None
+        by_profile = by_bootstrap = Cell()
+        if curve is not None:
+            remarks = ["ends at a bound of the scene"] * any(curve.at_bound) + ["a point failed"] * any(curve.failed)
+            by_profile = Cell(interval_text(curve.interval, scale), note=" · ".join(remarks))
+        if part is not None:
+            spread = part.spread_in_standard_errors
             note = "" if spread is None else f"spread {number(spread, 2)} SE"
-            row.append(Cell(interval_text(part.interval, scale), note=note) if part else Cell())
-        rows.append(tuple(row))
-    heads = ["parameter", "result", *(["profile"] if profiles else [])]
-    if result.bootstrap and resampled:
-        failed = f", {result.bootstrap.failed} did not settle" if result.bootstrap.failed else ""
-        heads.append(f"bootstrap, {result.bootstrap.replicates} replicates{failed}")
-    return OutputTable("Intervals by each method", tuple(heads), tuple(rows))
+            by_bootstrap = Cell(interval_text(part.interval, scale), note=note)
+        head = Cell(plain_symbol(with_group(name, entry.group)), note=quantity(entry.value, entry.unit, 5))
+        rows.append((head, Cell(interval_text(entry.ends, scale)), by_profile, by_bootstrap))
+    drawn = result.bootstrap
+    failed = f", {drawn.failed} did not settle" if drawn and drawn.failed else ""
+    heads = ("parameter", "result", "profile", f"bootstrap, {drawn.replicates if drawn else 0} replicates{failed}")
+    return OutputTable("Intervals by each method", heads, tuple(rows)).filled()
 
 
 def summary(result: Result, costs: bool = False) -> str:
@@ -130,20 +128,15 @@ def accuracy_table(accuracy: schema.AccuracyResult | None) -> OutputTable:
 
 def effects_table(reasons: Sequence[schema.EffectReason]) -> OutputTable:
     """Which effects and why: one row per effect that was looked at; columns that are empty are left out."""
-    every = {
-        "group": [replace(_cell(r.value), note=r.group if r.value is not None else "") for r in reasons],
-        "error without it": [
-            Cell(r.error, "" if r.error is None else f"{number(100 * r.error, 2)} %") for r in reasons
-        ],
-        "gain in the data": [_cell(r.statistic) for r in reasons],
-    }
-    kept = {head: cells for head, cells in every.items() if any(c.value is not None for c in cells)}
     rows: list[Row] = []
-    for k, reason in enumerate(reasons):
+    for reason in reasons:
         state = Cell("yes" if reason.kept else "no", kind="" if reason.kept else "doubt")
-        cells = (column[k] for column in kept.values())
-        rows.append((reason.effect.replace("_", " "), state, *cells, Cell(reason.sentence, kind="words")))
-    return OutputTable("Effects: which and why", ("effect", "kept", *kept, "why"), tuple(rows))
+        group = replace(_cell(reason.value), note=reason.group if reason.value is not None else "")
+        error = Cell(reason.error, "" if reason.error is None else f"{number(100 * reason.error, 2)} %")
+        known = (state, group, error, _cell(reason.statistic), Cell(reason.sentence, kind="words"))
+        rows.append((reason.effect.replace("_", " "), *known))
+    heads = ("effect", "kept", "group", "error without it", "gain in the data", "why")
+    return OutputTable("Effects: which and why", heads, tuple(rows)).filled()
 
 
 def _cell(value: object, digits: int = 3) -> Cell:
