@@ -253,35 +253,6 @@ class FitProcess:
         return End(store.CRASHED, f"{words} ({cause}); the other fits went on", detail or None)
 
 
-class FitProcesses:
-    """As many fitting processes as are used at a time, each for one job after the other."""
-
-    def __init__(self) -> None:
-        self._idle: list[FitProcess] = []
-        self._all: list[FitProcess] = []
-        self._closed = False
-
-    def run(self, job: Job, folder: Path, limit: float, module: str | None) -> Answer:
-        """Fit a job in one that is free, see `FitProcess.run`."""
-        try:
-            process = self._idle.pop()
-        except IndexError:
-            process = FitProcess(module)
-            self._all.append(process)
-        if self._closed:
-            process.close()
-            return End(store.CRASHED, "the batch was ended"), store.new_part(folder)
-        answer = process.run(job, folder, limit)
-        self._idle.append(process)
-        return answer
-
-    def close(self) -> None:
-        """End all of them at once."""
-        self._closed = True
-        for process in self._all:
-            process.close()
-
-
 def answers(workers: Workers, jobs: Sequence[Job], folder: Path, limit: float) -> Iterator[tuple[Job, Answer] | None]:
     """Send all jobs, the largest first; yield each with its answer as it comes, and None at every tick between.
 
@@ -303,10 +274,11 @@ def answers(workers: Workers, jobs: Sequence[Job], folder: Path, limit: float) -
 
 
 class LocalWorkers:
-    """So many processes on this machine, each held by a thread of this one."""
+    """So many processes on this machine, each for one job after the other, and each with a thread that waits for it."""
 
     def __init__(self, count: int, module: str | None = None) -> None:
-        self.count, self._module, self._processes = count, module, FitProcesses()
+        self.count, self._module, self._closed = count, module, False
+        self._idle, self._all = list[FitProcess](), list[FitProcess]()
         self._threads = ThreadPoolExecutor(max_workers=count, thread_name_prefix="fit")
 
     def __enter__(self) -> Self:
@@ -314,12 +286,28 @@ class LocalWorkers:
 
     def __exit__(self, *error: object) -> None:
         self._threads.shutdown(wait=False, cancel_futures=True)
-        self._processes.close()
+        self._closed = True
+        for process in self._all:
+            process.close()
         self._threads.shutdown(wait=True)
+
+    def run(self, job: Job, folder: Path, limit: float) -> Answer:
+        """Fit a job in a process that is free, see `FitProcess.run`."""
+        try:
+            process = self._idle.pop()
+        except IndexError:
+            process = FitProcess(self._module)
+            self._all.append(process)
+        if self._closed:
+            process.close()
+            return End(store.CRASHED, "the batch was ended"), store.new_part(folder)
+        answer = process.run(job, folder, limit)
+        self._idle.append(process)
+        return answer
 
     def send(self, job: Job, folder: Path, limit: float) -> Future[Answer]:
         """Have a job fitted by the next process that is free, within `limit` [s], into a new folder below `folder`."""
-        return self._threads.submit(self._processes.run, job, folder, limit, self._module)
+        return self._threads.submit(self.run, job, folder, limit)
 
     def answer(self, pending: Future[Answer], folder: Path) -> Answer:
         """What the process answered."""
@@ -331,19 +319,18 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-_on_this_worker = FitProcesses()
+_on_this_worker: dict[str | None, LocalWorkers] = {}  # by module
 
 
 def fit_on_worker(job: Job, folder: Path, limit: float, module: str | None) -> Answer:
     """Runs on a Dask worker: fit in a process of its own, which can be timed out."""
-    return _on_this_worker.run(job, folder, limit, module)
+    return _on_this_worker.setdefault(module, LocalWorkers(cores(), module)).run(job, folder, limit)
 
 
 def close_processes() -> None:
     """Runs on a Dask worker: end its fitting processes, whose memory is not needed any more."""
-    global _on_this_worker
-    _on_this_worker.close()
-    _on_this_worker = FitProcesses()
+    while _on_this_worker:
+        _on_this_worker.popitem()[1].__exit__()
 
 
 def look_around(folder: Path) -> tuple[bool, str]:
