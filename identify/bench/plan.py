@@ -255,11 +255,9 @@ def drawn_places(unknowns: Unknowns, theta: Array, precision: Array, base: Array
 
 def driven(data: LogData) -> list[tuple[float, float]]:
     """At which speeds [m/s] a log was driven, and for how long each [s]; rests of the drive left out."""
-    if data.programme is None:
-        return [(data.drive_speed, data.end - data.begin)]
-    starts = np.clip([*data.programme.starts, data.end], data.begin, data.end)
-    pieces = zip(data.programme.speeds, np.diff(starts).tolist(), strict=True)
-    return [(abs(speed), seconds) for speed, seconds in pieces if speed != 0.0 and seconds > 0.0]
+    pieces = (data.programme or Drive.of(data.drive_speed)).within(data.begin, data.end)
+    ends = [*(begin for begin, _ in pieces[1:]), data.end]
+    return [(abs(speed), end - begin) for (begin, speed), end in zip(pieces, ends, strict=True) if speed]
 
 
 # In the words of a laboratory, as a table of steps to type into a script, and as a document.

@@ -133,9 +133,8 @@ def points_of(scene: Scene, result: Result | None, changes: Mapping[str, float] 
             names, covariance = pair.names, pair.covariance
             guessed = sources.assumed(scene, site.values, (*changes, *pair.values))
             if result is None:
-                known = sources.stated(scene, site.values, site.drive_speed) or ((), np.zeros((0, 0)))
-                variances = np.append(np.diag(known[1]), np.square(list(guessed.values())))
-                names, covariance = (*known[0], *guessed), np.diag(variances) if variances.size else None
+                deviations = sources.stated(scene, site.values, site.drive_speed) | guessed
+                names, covariance = tuple(deviations), np.diag(np.square([*deviations.values()]))
             measured = tuple(n for n in declared if n in names and result is not None and n not in changes)
             kept = [i for i, n in enumerate(names) if n not in changes and (n in declared or n in POINT)]
             elsewhere = tuple(n for n in declared if n not in measured and n not in guessed)

@@ -22,7 +22,7 @@ from identify.prediction.axes import Axis, Site, admissible, axis, check_axes, k
 from identify.prediction.cycles import QUANTITIES, CycleBatch, check_calculable
 from identify.prediction.predict import check_site
 from identify.prediction.sources import Tested, site_of
-from identify.prediction.windows import COARSE, FINE, Border, Survey, outcome_of, rows_of
+from identify.prediction.windows import COARSE, FINE, Border, Survey, outcome_of
 from identify.prediction.wording import shown
 from identify.scene import Scene
 from identify.simulation.sliding import slidings
@@ -391,34 +391,26 @@ def _change(site: Site, q: Axis, tested: Tested | None, margin: float) -> Change
     """The change of one quantity, looked for over values a factor STEP apart around that of the point."""
     unit, low, high = q.unit, max(q.value / CHANGED[q.name], q.lower), min(q.value * CHANGED[q.name], q.upper)
     below, above = (int(abs(np.log(end / q.value)) / np.log(STEP) + 1e-9) for end in (low, high))
-
-    def settings_at(powers: Array) -> Array:
-        return moved(site, {q.name: q.value * STEP**powers})
-
-    powers = np.arange(-below, above + 1.0)
-    bad = powers[~admissible(site.model, settings_at(powers))]
-    powers = powers[(powers > max(bad[bad < 0], default=-np.inf)) & (powers < min(bad[bad > 0], default=np.inf))]
-    places, sides = rows_of([powers])
-    survey = Survey.of(site.model, places, lambda places: settings_at(places[:, 1]), sides)
+    ends = q.value * STEP**-below, q.value * STEP**above
+    survey = plane(site, (q.name,), (ends,), (below + above + 1,)).survey()
     steady = (survey.batch.growth < 0.0) & ~survey.motions.sticks
-    now_steady, now = bool(steady[powers == 0][0]), Number(q.value, unit)
+    now_steady, now = bool(steady[below]), Number(q.value, unit)
     limit, advised, at, kind, reason = None, None, None, "", ""
-    other = powers[steady != now_steady]
+    other = np.flatnonzero(steady != now_steady) - below
     if not other.size:
         kind = f"from {range_text(low, high, unit)}"
         reason = f"{'any value is steady' if now_steady else 'cannot be reached: none is steady'} {kind}"
     else:
         far = other[np.argmin(np.abs(other) - 0.25 * (other > 0))]  # of two as near the one above
         rising = bool((far > 0) != now_steady)  # steady lies above
-        edge = np.sort([far, far - np.sign(far)]) - powers[0]
-        borders = ((survey.ends(FINE), "end of stick-slip"), (survey.losses(), "loss of stability"))
+        edge = below + np.sort([far, far - np.sign(far)])
         turns = [
-            (float(border.places[k, 1]), words)
-            for border, words in borders
-            for k in np.flatnonzero(np.all(np.sort(border.nodes, axis=1) == edge, axis=1)).tolist()
+            (float(q.value_at(place)), words)
+            for border, words in ((survey.ends(FINE), "end of stick-slip"), (survey.losses(), "loss of stability"))
+            for place, nodes in zip(border.places[:, 0], np.sort(border.nodes, axis=1), strict=True)
+            if np.array_equal(nodes, edge)
         ]
-        power, kind = (max if rising else min)(turns)  # steady only beyond both
-        limit, at = q.value * STEP**power, "least" if rising else "most"
+        (limit, kind), at = (max if rising else min)(turns), "least" if rising else "most"  # steady only beyond both
         advised = limit * (1 + margin) if rising else limit / (1 + margin)
         if now_steady and (q.value >= advised if rising else q.value <= advised):
             advised = q.value

@@ -26,8 +26,8 @@ Array = NDArray[np.float64]
 # How well an operating point is known where nothing was fitted: by the tolerances and priors its scene states.
 
 
-def stated(scene: Scene, values: Mapping[str, float], drive_speed: float) -> tuple[tuple[str, ...], Array] | None:
-    """Names and covariance (f, f) [SI] of what a scene says is not exact; None where it takes all as exact.
+def stated(scene: Scene, values: Mapping[str, float], drive_speed: float) -> dict[str, float]:
+    """Standard deviations [SI] of what a scene says is not exact.
 
     Args:
         values: every parameter of the model at the operating point, SI. drive_speed: [m/s].
@@ -38,8 +38,7 @@ def stated(scene: Scene, values: Mapping[str, float], drive_speed: float) -> tup
     size = {**values, "drive_speed": drive_speed}
     deviations = {name: share * abs(size[name]) for name, share in scene.rig.tolerances.items() if name in size}
     deviations |= {name: spec.prior_sd or 0.0 for name, spec in scene.parameters.items() if name in values}
-    known = {name: sd for name, sd in deviations.items() if sd > 0.0}
-    return (tuple(known), np.diag(np.square(list(known.values())))) if known else None
+    return {name: sd for name, sd in deviations.items() if sd > 0.0}
 
 
 def assumed(scene: Scene, values: Mapping[str, float], given: Iterable[str] = ()) -> dict[str, float]:
