@@ -228,9 +228,13 @@ def ends_of(asked: Sequence[tuple[Draws, SpeedRange, bool]]) -> list[Array]:
 
     test = StickTest(model, at, np.repeat(states, counts, axis=0), np.repeat(scale, counts, axis=0), rested=True)
     expected, ahead = np.repeat(speeds, counts), np.repeat(np.where(uppers, 1.0, -1.0), counts)
-    shares, firsts = np.exp(locate(test, expected, ahead, ROUGH) - expected), np.cumsum([0, *counts[:-1]])
-    shares[firsts] = 1.0
-    return np.split(shares, firsts[1:])
+    ends, firsts = locate(test, expected, ahead, ROUGH), np.cumsum([0, *counts[:-1]])
+    lost = np.flatnonzero(np.isnan(ends))
+    for row, windows in zip(lost, speed_windows(model, settings[lost]), strict=True):  # of a pair far from the point
+        own = [np.log(end) for part in windows.sticking if (end := part.end(bool(ahead[row] > 0.0)))]
+        ends[row] = min(own, key=lambda end: abs(end - expected[row]), default=np.nan)
+    ends[firsts] = expected[firsts]
+    return np.split(np.exp(ends - expected), firsts[1:])
 
 
 # Predictions.

@@ -266,7 +266,7 @@ def speed_windows(model: Model, settings: Array, nodes: tuple[float, ...] = ()) 
     """
     own = [tuple(setting[:-1].tolist()) for setting in settings]
     different = tuple(dict.fromkeys(own))
-    known = dict(zip(different, _windows(model, different, nodes), strict=True))
+    known = dict(zip(different, _windows(model, different, nodes), strict=True)) if own else {}
     return [known[pair] for pair in own]
 
 
