@@ -17,6 +17,7 @@ from scipy.integrate import solve_ivp
 
 Array = NDArray[np.float64]
 Programme = float | Sequence[tuple[float, float]]
+Drive = float | Callable[[float], float]  # speed [m/s], or that at a time [s]
 
 RTOL = 1e-12
 NAMES = ("elongation", "sliding_speed", "gamma", "skin_deformation", "lagged_force", "second_lagged_force", "track")
@@ -82,9 +83,9 @@ class Equations:
 
     # -- drive
 
-    def drive(self, v0: float, t: float) -> float:
+    def drive(self, v0: Drive, t: float) -> float:
         """Speed of the drive with its motions [m/s]."""
-        speed = v0 + sum(a * w * math.cos(w * t + phi) for a, w, phi in self.waves)
+        speed = (v0(t) if callable(v0) else v0) + sum(a * w * math.cos(w * t + phi) for a, w, phi in self.waves)
         return speed + (self.p.finger_drift if "finger_motion" in self.on else 0.0)
 
     def loading(self) -> float:
@@ -171,13 +172,15 @@ class Equations:
 
     # -- motion
 
-    def rates(self, s: Sequence[float], mode: str, way: int, v0: float, load: float, t: float) -> list[float]:
+    def rates(self, s: Sequence[float], mode: str, way: int, v0: Drive, load: float, t: float) -> list[float]:
         """Time derivatives of the eight states."""
         resting = mode == "stick"
         v = 0.0 if resting else s[V]
         speed = self.drive(v0, t)
         force, give = self.rig(s, v, speed)
-        stretching = speed - v + (v0 * self.loading() if resting else 0.0)
+        stretching = speed - v
+        if resting and not callable(v0):
+            stretching += v0 * self.loading()
         gamma = 0.0 if mode == "renewed" else s[GAMMA]
         acceleration = 0.0
         if not resting:
@@ -188,7 +191,7 @@ class Equations:
         aged = 0.0 if mode == "renewed" else self.ageing(gamma, way * v, t)
         return [stretching, acceleration, aged, give, first, second, v, self.shown(s, force)]
 
-    def spare(self, s: Sequence[float], way: int, v0: float, load: float, t: float) -> float:
+    def spare(self, s: Sequence[float], way: int, v0: Drive, load: float, t: float) -> float:
         """Grip less the pull in one direction, at rest [N]."""
         force = self.rig(s, 0.0, self.drive(v0, t))[0]
         return self.friction(s, 0.0, load, t, self.share(s[GAMMA], True)) - way * force
@@ -210,7 +213,7 @@ class Run:
     """A finished run: pieces, times of onsets and arrests [s]."""
 
     equations: Equations
-    v0: float
+    v0: Drive
     load: Programme
     pieces: list[Piece] = field(default_factory=list)
     onsets: list[float] = field(default_factory=list)
@@ -252,15 +255,15 @@ class Run:
 def simulate(
     on: Collection[str],
     p: Mapping[str, float],
-    v0: float,
+    v0: Drive,
     load: Programme,
     duration: float,
     *,
     start: Mapping[str, float] | None = None,
     rtol: float = RTOL,
 ) -> Run:
-    """Run from rest (or the states `start` by name) for `duration` [s]; drive v0 [m/s], normal force [N] constant or
-    ((time, force), ...), piecewise linear."""
+    """Run from rest (or the states `start` by name) for `duration` [s]; drive v0 [m/s], also over time, normal force
+    [N] constant or ((time, force), ...), piecewise linear."""
     equations = Equations(on, p)
     run = Run(equations, v0, load)
     s = np.array([(start or {}).get(name, 0.0) for name in NAMES] + [0.0])
@@ -297,7 +300,7 @@ def _piece(
     mode: str,
     way: int,
     s: Array,
-    v0: float,
+    v0: Drive,
     knots: Sequence[tuple[float, float]],
     now: float,
     room: float,
