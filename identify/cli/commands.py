@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from identify.cli.common import Options
 
-SET: Options = {"--set KEY=VALUE+": 'another value in place of the one in the scene: rig.mass="0.3 kg"; repeatable'}
+SET: Options = {"--set KEY=VALUE+": 'another value in place of the one in the scene: rig.mass="0.3 kg"'}
 SAID: Options = {
     "what is printed": {
         "--json": "one JSON document on standard output, words on stderr",
@@ -39,13 +39,13 @@ POINT: Options = {
     "--result result.json": "the estimates of a fit, with their uncertainty",
     "--at KEY=VALUE*": 'drive_speed="1 mm/s", normal_force, or any parameter; repeatable (default: those of each log)',
     "--advice MARGIN?": "the nearest change of each quantity that makes sliding steady, with a margin (default: 20 %)",
-    "--group GROUP+": "of a fit with parameters per group: this one, V08 or volunteer=V08; repeatable (default: each)",
-    "--without EFFECT+": "leave out an effect of the scene: one with which no cycle is like the one before; repeatable",
+    "--group GROUP+": "of a fit with parameters per group: this one, V08 or volunteer=V08 (default: each)",
+    "--without EFFECT+": "leave out an effect of the scene: one with which no cycle is like the one before",
     "--plot FILE": "draw it over drive speed, or the map (png, svg or pdf)",
     "maps": {
         "--map NAME*": "over one or two of drive_speed, stiffness, normal_force, pressure, area, damping, zeta, mass, "
         "t_cr, D, mu_k0, mu_step (μs - μk0), a, or any other parameter",
-        "--range NAME=LOW:HIGH+": 'drive_speed="0.1 mm/s:10 mm/s"; repeatable (default: around the point)',
+        "--range NAME=LOW:HIGH+": 'drive_speed="0.1 mm/s:10 mm/s" (default: around the point)',
         "--points N": "along each quantity (default: 60, of one alone 120)",
         "--data FILE": "the numbers of the map (csv)",
     },

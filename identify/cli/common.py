@@ -96,7 +96,7 @@ def add_options(parser: ArgumentParser | _ArgumentGroup, options: Options) -> No
         name, _, metavar = words.partition(" ")
         mark = metavar[-1] if metavar.endswith(tuple(MARKS)) else ""
         metavar = metavar.removesuffix(mark)
-        more: dict[str, Any] = {"help": text.replace("%", "%%")}
+        more: dict[str, Any] = {"help": text.replace("%", "%%") + "; repeatable" * (mark == "+" and name[0] == "-")}
         if not metavar:
             more["action"] = "store_true"
         elif metavar.startswith("{"):

@@ -24,7 +24,7 @@ from identify.cli.interrupt import check_interrupted, interrupted, interruptible
 STOPPED = "interrupted; no half-written result is left behind"
 LONGEST = 400  # characters of a sentence that ends a command
 MOST_DETAILS = 50  # lines shown before it
-DESCRIPTION = "From tribometer logs of stick-slip to friction parameters, stability, amplitude and a report."
+DESCRIPTION = "From tribometer logs of stick-slip to friction parameters, stability, amplitude\nand a report."
 EPILOG = """\
 first steps:
   stickslip demo                          the main job on the example logs
@@ -32,7 +32,8 @@ first steps:
   stickslip scene LOG… --out SCENE.toml   a first scene file from your logs
   stickslip fit --scene SCENE.toml        the friction parameters, and a report
 
-exit codes: 0 done, 2 wrong input, 3 ran without success, 130 interrupted, 1 a defect of ours
+exit codes: 0 done, 2 wrong input, 3 ran without success, 130 interrupted,
+            1 a defect of ours
 """
 
 
