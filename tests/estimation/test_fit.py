@@ -42,7 +42,9 @@ def _scene(logs, rig=RIG, **more):
 
 
 def _records(case, logs):
-    return [case.records[i] for i in logs]
+    """Of the faster logs the first half."""
+    columns = ((r.time, r.normal_force, r.friction_force) for r in (case.records[i] for i in logs))
+    return [Record(*(c[: c.size // (1 if i < 2 else 2)] for c in each)) for i, each in zip(logs, columns, strict=True)]
 
 
 def test_the_example_pair_is_found(demo):
