@@ -24,7 +24,10 @@ stiffness = "1470 N/m"
 damping = "147 N/m"
 """
 # The page of a batch takes longer to import than a batch of stand-ins takes to run; it is tested where it is made.
-NO_PAGE = "from identify.cli import studies; studies.write_batch_report = str; "
+NO_PAGE = (
+    "import sys, types; page = types.SimpleNamespace(write_batch_report=str); "
+    "sys.modules['identify.studies.comparison_page'] = page; "
+)
 WITH_STUB = f"from identify.studies import workers; workers.MODULE = {STUB!r}; "
 COMMAND = "import sys; from identify.cli.main import main; raise SystemExit(main(sys.argv[1:]))"
 TIMES = ("timing_s", "finished", "started", "seconds", "machine", "host")  # what may differ between two runs

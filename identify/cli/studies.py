@@ -12,8 +12,6 @@ from identify.cli.arguments import COMPARISON, check_replaceable, positive, resu
 from identify.cli.common import Answer, CommandLineError, Exit, Terminal
 from identify.cli.interrupt import ends_by_itself
 from identify.studies.batch_store import BatchError
-from identify.studies.compare import ComparisonQuestion, compare, read_fits
-from identify.studies.comparison_page import comparison_tables, document, together, write_batch_report, write_comparison
 from identify.studies.planning import plan
 from identify.studies.running import check_place, in_words, run_batch
 from identify.studies.workers import ClusterWorkers, LocalWorkers, Workers, cores
@@ -69,12 +67,17 @@ def batch(arguments: Namespace, terminal: Terminal) -> Answer:
     }
     if summary.status == "stopped":  # of what has ended so far a page can be had with: stickslip compare
         return Answer(Exit.WRONG_INPUT, {"schema": 1, **outcome})
+    from identify.studies.comparison_page import write_batch_report  # takes longer to load than a batch to begin
+
     terminal.say(f"report: {write_batch_report(out)}")
     return Answer.of(summary.status == "done", outcome)
 
 
 def compare_fits(arguments: Namespace, terminal: Terminal) -> Answer:
     """Compare, write the folder, say what differs."""
+    from identify.studies.compare import ComparisonQuestion, compare, read_fits
+    from identify.studies.comparison_page import comparison_tables, document, together, write_comparison
+
     by = "".join(c if c.isalnum() or c in "-_" else "_" for c in arguments.by)[:40] or "label"
     out = Path(arguments.out or f"stickslip-by-{by}")
     for folder in map(Path, arguments.folders):
