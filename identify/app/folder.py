@@ -143,7 +143,7 @@ class Folder:
                 with suppress(OSError, ValueError):
                     kind = "rigs" if is_rig(parsed(path.read_text(encoding="utf-8-sig"))) else kind
                 yield kind, path
-            elif ours or entry.name == "index.csv" or entry.name.lower().endswith(NO_LOGS):
+            elif ours or entry.name in ("index.csv", "captions.txt") or entry.name.lower().endswith(NO_LOGS):
                 continue
             elif inside.is_relative_to(self.root) and inside.is_file():
                 yield "logs", path

@@ -58,6 +58,7 @@ def test_links_that_lead_to_each_other_and_names_that_are_no_text_hide_nothing(e
     (root / "two").symlink_to("one")
     (root / "sub").mkdir()
     (root / "sub" / "up").symlink_to(root)
+    (root / "sub" / "captions.txt").write_text("of figures, as `stickslip figures` writes them", encoding="utf-8")
     Path(os.fsdecode(os.fsencode(root) + b"/no_text_\xff.csv")).touch()
     status, listed = client.get("folder")
     assert status == 200 and [row["path"] for row in listed["logs"]] == ["log.csv"]
