@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,21 +17,28 @@ from identify.shooting import batch
 from identify.shooting.batch import Waves
 from identify.simulation.drive import Drive
 from identify.simulation.phases import sticks
+from identify.simulation.sliding import growth_rates
 
 Array = NDArray[np.float64]
 
+LONGER = 5.0
+HALVINGS = 8  # of delta_mu_k until steady sliding fades at half the pace of the rig alone
 LENGTHS = (10e-6, 40e-6)  # D [m]
-TIMES = (0.2, 1.0, 5.0)  # t_cr [s]
+TIMES = (0.2, 1.0, 5.0)  # t_cr [s]; longer ones, each times the last, up to the longest rest of the drive
 
 
 def level_starts(logs: Sequence[Prepared], unknowns: Unknowns) -> Array:
-    """Theta (S, n_p) of starts from the levels of logs."""
-    speeds, levels, quantiles = list[float](), list[float](), list[Array]()
+    """Theta (S, n_p) of starts from the levels of logs; where one slides steadily, so does the model."""
+    speeds, levels, quantiles, times = list[float](), list[float](), list[Array](), list(TIMES)
     for data in (log.data for log in logs):
+        drive = data.programme or Drive((0.0,), (data.drive_speed,))
         counted = (data.weight > 0) & (data.time >= data.begin) & (data.time <= data.end)
+        counted &= drive.motion(data.time)[1] > 0.0
         coefficient = data.force / data.normal_force.at(data.time)
         quantiles.append(np.nanquantile(coefficient[counted], (0.5, 0.999)))
-        drive = data.programme or Drive((0.0,), (data.drive_speed,))
+        longest = max((b - a for (a, b), v in zip(pairwise(drive.starts), drive.speeds, strict=False) if not v), default=0)
+        while times[-1] < longest / LONGER:
+            times.append(LONGER * times[-1])
         for start, stop, speed in moving_pieces(drive, data.begin, data.end):
             # The level at the end of a stretch of constant speed, or along a course.
             share = 1.0 if data.on_course else 0.4
@@ -51,12 +58,23 @@ def level_starts(logs: Sequence[Prepared], unknowns: Unknowns) -> Array:
     if speeds[fast] > 1.5 * speeds[slow] and "delta_mu_k" in names:
         known = {"a": 2.0 / speeds[fast], "delta_mu_k": min(1.2 * (levels[fast] - levels[slow]), -0.005)}
     value |= known
+    steady = [part.data for log in logs for part in (log, *log.pieces) if part.fit_mode.name == "sliding"]
+
+    def growth(weakening: float) -> Array:
+        rig = value | {"delta_mu_k": weakening}
+        settings = [[*(rig[name] for name in names), one.mean_normal_force, one.drive_speed] for one in steady]
+        return growth_rates(unknowns.model, np.array(settings))
+
+    if steady and "delta_mu_k" in value and not unknowns.model.clocked:
+        shares = 0.5 ** np.arange(HALVINGS)
+        fades = [np.all(growth(share * value["delta_mu_k"]) < 0.5 * growth(0.0)) for share in shares]
+        value["delta_mu_k"] *= shares[int(np.argmax(fades))]
     share = 1.0 - float(np.exp(-value.get("a", 0.0) * speeds[slow]))
     mu_k0 = max(levels[slow] - value.get("delta_mu_k", 0.0) * share, 0.01)
     peaked = any(log.fit_mode.name == "continuous" or log.data.on_course for log in logs)
     mu_s = max(float(np.max(quantiles)), mu_k0 + 0.02) if peaked else mu_k0 + 0.15
     rows = []
-    for length, time in product(LENGTHS, TIMES) if peaked else [(LENGTHS[0], TIMES[0])]:
+    for length, time in product(LENGTHS, times) if peaked else [(LENGTHS[0], TIMES[0])]:
         one = value | {"mu_s": mu_s, "mu_k0": mu_k0, "D": length, "t_cr": time}
         rows.append([one[name] for name in names])
     return np.unique(_inside(unknowns, unknowns.theta(np.array(rows), base)), axis=0)
