@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 Equations = tuple["Symbols", ca.SX, ca.SX]  # symbols, rows (n_rows,), curve (coefficients, cells)
 
 REST_CELLS = 6  # cubics per block of a rest that is no straight line
-COURSE = 4  # constants of a block under a drive on a course
+COURSE = 5  # constants of a block under a drive on a course
 SHORT = 1e-6  # of a rest: within it a course has not changed yet
 
 
@@ -58,7 +58,7 @@ class RestBlock:
         end = s.at_rest(s.end)
         rows = [(end[i] - after[i]) / s.row_scale[i] for i in range(len(model.states)) if i != SPEED]
         if self.ended_by == "onset":
-            rows.append((model.driving_force(end, p, u) - model.grip(end, p, u)) / s.row_scale[SPEED])
+            rows.append((s.way * model.driving_force(end, p, u) - model.grip(end, p, u)) / s.row_scale[SPEED])
         return s, ca.vertcat(*rows), curve
 
 
@@ -94,10 +94,10 @@ class AgeingBlock:
             return s.inputs(s.force_start, s.offset_start + t)
 
         creeping, v = ca.SX(start), ca.SX.sym("v")
-        creeping[SPEED] = v
+        creeping[SPEED] = s.way * v
         pace = model.slip(creeping, p, inputs(ca.SX(0)))[model.clamped]
         at_rest, slope = (ca.substitute(q, v, 0.0) for q in (pace, ca.gradient(pace, v)))
-        braked = ca.fmax(-model.renewed(start, p, inputs(ca.SX(0)))[SPEED], self.SLOWEST)
+        braked = ca.fmax(-s.way * model.renewed(start, p, inputs(ca.SX(0)))[SPEED], self.SLOWEST)
         k, m = (p[model.parameter_names.index(name)] for name in ("stiffness", "mass"))
         release = ca.fmin(-at_rest / slope, self.FASTEST * braked * ca.sqrt(m / k))
 
@@ -108,9 +108,9 @@ class AgeingBlock:
 
                 def motion(at: ca.SX, offset: ca.SX, begin: ca.SX = first + j * h) -> ca.SX:
                     moving = ca.SX(at[:-1])
-                    moving[SPEED] = begin + offset
+                    moving[SPEED] = s.way * (begin + offset)
                     rates = field(moving, p, inputs(at[-1]))
-                    return ca.vertcat(rates, 1.0) / ca.fmin(rates[SPEED], -self.LEAST_BRAKED * braked)
+                    return ca.vertcat(rates, 1.0) / ca.fmin(s.way * rates[SPEED], -self.LEAST_BRAKED * braked)
 
                 both = step(RK4, motion, both, h)[0]
             return both[:-1], both[-1]
@@ -141,7 +141,7 @@ class SlideBlock:
         p = s.parameters(model)
         swing = s.deviation_end - s.deviation if self.jitter else ca.SX(0)
         loads = s.force_start, s.force_slope, s.deviation, swing
-        rising = [s.course[2]] if model.on_course else []
+        rising = [s.course[2], s.way] if model.on_course else []
         course = ca.vertcat(s.drive_speed, *loads, s.duration, s.offset_start, s.since, *rising)
         one, x, clamped = _step(model, self.renewed), ca.SX(s.start), _clamped(model, self.renewed)
         for i in clamped:
@@ -235,13 +235,18 @@ class Symbols:
         return ca.vertcat(*(getattr(self, name) for name in names[names.index("base") :]))
 
     @property
+    def way(self) -> ca.SX:
+        """Direction of sliding, of a rest of the slide that ends it: +1 unless the drive turns."""
+        return self.course[4] if self.course.numel() else ca.SX(1)
+
+    @property
     def duration(self) -> ca.SX:
         """Duration of the phase at the current event times [s]."""
         return self.reference + self.offset_end - self.offset_start
 
     def inputs(self, force: ca.SX, t: ca.SX) -> ca.SX:
         """u of the model with a normal force [N], at a time after the phase began in the reference [s]."""
-        return ca.vertcat(self.drive_speed, force, 1, self.since + t)
+        return ca.vertcat(self.drive_speed, force, self.way, self.since + t)
 
     def rested(self, model: Model, start: ca.SX, p: ca.SX, then: tuple[ca.SX, ca.SX, ca.SX]) -> tuple[ca.SX, ca.SX]:
         """State and u of the model at a moment of a rest from `start`; then: the normal force [N], the time since the
@@ -254,9 +259,9 @@ class Symbols:
         if not model.on_course:
             u = self.inputs(force, t)
             return model.rest(start, p, u, duration), u
-        before, pace, rising, first = ca.vertsplit(self.course)
+        before, pace, rising, first, way = ca.vertsplit(self.course)
         since, late = t - self.first * self.reference, self.offset_start
-        u = ca.vertcat(pace + rising * since, force, 1, self.since + t)
+        u = ca.vertcat(pace + rising * since, force, way, self.since + t)
         moved = before + pace * since + 0.5 * rising * since**2 - (self.drive_speed * late + 0.5 * first * late**2)
         excess = u[0] * duration - moved - 0.5 * rising * duration**2
         shortest = SHORT * self.reference
@@ -310,7 +315,7 @@ def _step(model: Model, renewed: bool) -> ca.Function:
     less than to write the step out as often."""
     n_x = len(model.states)
     x, t, h = ca.SX.sym("x", n_x), ca.SX.sym("t"), ca.SX.sym("h")
-    p, course = ca.SX.sym("p", len(model.parameters)), ca.SX.sym("course", 9 if model.on_course else 8)
+    p, course = ca.SX.sym("p", len(model.parameters)), ca.SX.sym("course", 10 if model.on_course else 8)
     field, seed = model.renewed if renewed else model.slip, ca.SX.sym("rate", n_x + 1)
     shown = model.sliding_cell(x, p, _inputs(course, t))
     sensor = ca.Function("sensor", [x, t, p, course, seed], [shown, ca.jtimes(shown, ca.vertcat(x, t), seed)])
@@ -325,11 +330,11 @@ def _step(model: Model, renewed: bool) -> ca.Function:
 def _inputs(course: ca.SX, t: ca.SX) -> ca.SX:
     """u of the model at a time since a slip began. course (8,): drive speed, normal force, its slope, its deviation and
     the swing of that until the end of the phase, its duration, offset and time of its start; along a course of the
-    drive (9,) its acceleration as well."""
+    drive (10,) its acceleration and the direction of sliding as well."""
     drive_speed, force, slope, deviation, swing, duration, offset, since, *rising = ca.vertsplit(course)
     drive_speed = drive_speed + rising[0] * (offset + t) if rising else drive_speed
     force = force + slope * (offset + t) + deviation + swing * (t / duration) ** 2
-    return ca.vertcat(drive_speed, force, 1, since + offset + t)
+    return ca.vertcat(drive_speed, force, rising[1] if rising else 1, since + offset + t)
 
 
 @dataclass(frozen=True, eq=False)
@@ -340,8 +345,8 @@ class Block:
     offset of the start time [s], offset of the end time [s], deviation of the normal force in this cycle from its
     measured course [N] (of a slide with load jitter two: at its onset, at its end), then the search variables (n_p,).
     Constants, in order: base values of the parameters (n_p,), row scales (n_x,), along a course of the drive its way
-    from the start of the phase to that of the block, its speed then and its accelerations from then on and at the start
-    of the phase (COURSE,), drive speed, normal force at the start and at the end of the phase and its slope, time of
+    from the start of the phase to that of the block, its speed then, its accelerations from then on and at the start
+    of the phase, and the direction of sliding (COURSE,), drive speed, normal force at the start and at the end of the phase and its slope, time of
     its start, reference duration of it, first and last fraction of it.
     """
 

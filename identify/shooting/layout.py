@@ -293,6 +293,7 @@ class _LogTranscriber:
         self.renewed = np.isin(self.kind, ("renewed", "steady_renewed"))
         self.until = np.append(trajectory.until, np.full(rests, log.end))
         self.since = np.append(log.begin, self.until)[:-1]
+        self.way = np.append(trajectory.ways, np.ones(rests))
         self.part = np.append(trajectory.part, np.full(rests, trajectory.parts)).astype(np.int64)
 
     def transcribe(self) -> Places:
@@ -400,7 +401,7 @@ class _LogTranscriber:
         of = np.repeat(np.arange(self.count), np.diff(trajectory.first))
         last = np.isin(np.arange(of.size), trajectory.first[1:] - 1)
         kind, ended_by, steady = self.kind[of], self.ended_by[of], self.steady[of]
-        known[:, SPEED] = steady | (kind == "rest") | (last & (ended_by == "arrest"))
+        known[:, SPEED] = steady | (kind == "rest") | (last & np.isin(ended_by, ("arrest", "turn")))
         known[:, self.clamped] = (self.renewed[of] | (last & (ended_by == "wear")))[:, None]
         lowest = np.array([s.lower or 0.0 for s in self.model.states])
         return self.c.states(np.where(known & ~steady[:, None], lowest, trajectory.nodes), self.size, known)
@@ -412,8 +413,8 @@ class _LogTranscriber:
         times = np.nextafter(times, -np.inf) if just_before else times
         return np.array([self.log.speed_at(t) for t in times.tolist()])
 
-    def _constants(self, rows: Array, since: Array, until: Array, slope_at: Array) -> Array:
-        """Constants (n, n_constants) of phases between times (n,) with row scales (n_x,) or (n, n_x)."""
+    def _constants(self, of: Indices, rows: Array, since: Array, until: Array, slope_at: Array) -> Array:
+        """Constants (n, n_constants) of phases `of` (n,) between times (n,) with row scales (n_x,) or (n, n_x)."""
         count, load = COURSE if self.model.on_course else 0, self.log.normal_force
         out = np.zeros((since.size, self.log.base.size + self.size.size + count + 8))
         out[:, : self.log.base.size], out[:, self.scales] = self.log.base, rows
@@ -422,15 +423,15 @@ class _LogTranscriber:
         columns = speeds, load.at(since), load.at(until), slopes, since, until - since
         out[:, -8:-2], out[:, -1] = np.stack(columns, axis=1), 1.0
         if count:
-            out[:, self.course] = self._course(since, since, since)
+            out[:, self.course] = self._course(of, since, since, since)
         return out
 
-    def _course(self, begin: Array, part: Array, inside: Array) -> Array:
-        """Constants (n, COURSE) of rests that begin at times (n,), in parts that do: way of the drive until then, its
-        speed then, and its acceleration inside and at the begin."""
+    def _course(self, of: Indices, begin: Array, part: Array, inside: Array) -> Array:
+        """Constants (n, COURSE) of phases `of` (n,) that begin at times (n,), in parts that do: way of the drive until
+        then, its speed then, its acceleration inside and at the begin, and the direction of sliding."""
         way = self.log.moved(part) - self.log.moved(begin)
         rates = [np.array([self.log.acceleration_at(t) for t in times.tolist()]) for times in (inside, begin)]
-        return np.stack([way, self._speeds(part), *rates], axis=1)
+        return np.stack([way, self._speeds(part), *rates, self.way[of]], axis=1)
 
     def _put(self, kind: BlockKind, of: Indices, slots: Sequence[Array], constants: Array, edges: Array) -> None:
         """Blocks (n,) of phases `of` (n,)."""
@@ -442,7 +443,7 @@ class _LogTranscriber:
         """Rests that end in a node, at an event or at a given time, or with the window."""
         rests, straight = np.flatnonzero(self.kind == "rest"), self.model.straight
         since, until = self.since[rests], self.until[rests]
-        constants = self._constants(self.rest_rows, since, until, until)
+        constants = self._constants(rests, self.rest_rows, since, until, until)
         aged = (rests > 0) & self.renewed[rests - 1]
         if aged.any():
             self._age(rests[aged], constants[aged])
@@ -456,7 +457,7 @@ class _LogTranscriber:
         if self.model.on_course:
             begin, span = since[which], (until - since)[which]
             inside = begin + own[:, -2:].mean(axis=1) * span
-            own[:, self.course] = self._course(begin, begin + own[:, -2] * span, inside)
+            own[:, self.course] = self._course(of, begin, begin + own[:, -2] * span, inside)
         cells = 1 if straight else REST_CELLS
         shares = own[:, -2:-1] + (own[:, -1:] - own[:, -2:-1]) * np.arange(cells + 1) / cells
         edges = since[which, None] + (until - since)[which, None] * shares
@@ -481,6 +482,8 @@ class _LogTranscriber:
     def _age(self, rests: Indices, constants: Array) -> None:
         """Nodes where the contact has aged before the mass rests. constants: of the rests that follow."""
         begin, others = self.begin[:, rests], ~self.is_speed
+        if self.model.on_course:
+            constants[:, self.course.stop - 1] = self.way[rests - 1]
         known = np.concatenate([np.zeros(self.size.size + 3), self.start_theta])
         slots = np.concatenate([begin[1], np.tile(known, (rests.size, 1))], axis=1)
         defect = block(self.model, AgeingBlock()).evaluate(slots, constants, derivatives=False)[0]
@@ -503,7 +506,7 @@ class _LogTranscriber:
         before = np.where((j == 0)[:, None], self.begin[:, of], nodes[:, node - 1])
         since, span = self.since[of], (self.until - self.since)[of]
         fractions = np.stack([j / n, (j + 1) / n], axis=1)
-        constants = self._constants(self.size, self.since[slides], self.until[slides], self.since[slides])
+        constants = self._constants(slides, self.size, self.since[slides], self.until[slides], self.since[slides])
         constants = np.repeat(constants, count, axis=0)
         # The normal force is a straight line over each interval: the tremor of a finger goes through half a period
         # while a slip lasts. Written as lines from the start of the slide; level where events coincide.
@@ -547,7 +550,7 @@ class _LogTranscriber:
         rows[ELONGATION] = 1.0
         spans, of = np.stack([edges[:-1], edges[1:]], axis=1), np.full(pieces.shape[1], i)
         constants, zero = (
-            self._constants(rows, spans[:, 0], spans[:, 1], spans[:, 1]),
+            self._constants(of, rows, spans[:, 0], spans[:, 1], spans[:, 1]),
             np.repeat(CONSTANT, of.size, axis=1),
         )
         slots = pieces[:, :, 0], pieces[:, :, 1], zero, zero, self.load[:, of, 0]

@@ -109,7 +109,7 @@ class LogContext:
                 stick = until(min([change, *bend, *load.times[knot : knot + 1]]), load.line(t))
             t, x = stick.start + stick.duration, stick.end
             if stick.ended_by is not None:
-                if stick.drive_force < 0.0:
+                if stick.drive_force < 0.0 and not self.log.on_course:
                     raise SimulationError("the mass is pulled back")
                 return True, t, x, changes
             t = min([change, *bend, *load.times[last : last + 1]])
@@ -165,6 +165,7 @@ def first_state(context: LogContext) -> Array:
     first peak."""
     log, model = context.log, context.model
     moving = next((c for c in (log.begin, *context.changes) if log.speed_at(c) > 0.0), log.end)
+    moving = log.end if log.on_course else moving
     index = context.samples(moving, context.change_after(moving))
     peak = until = log.begin
     if index.size > 2:  # the highest mean over a fifth of half a period; at rest until half way up
@@ -175,9 +176,15 @@ def first_state(context: LogContext) -> Array:
     x = begin_state(context, until)
     if model.clamped is None:
         return x
+    states = aged(x, model.clamped)
+    rests = [context.rest(log.begin, state, log.end) for state in states]
+    onsets = np.array([t if begun else np.inf for begun, t, _, _ in rests])
+    finite = onsets[np.isfinite(onsets)]
     begin = max(peak - FIRST_SWINGS * context.half, log.begin)
+    if log.on_course:  # the highest force may be that of a later stroke
+        peak = float(np.max(finite, initial=log.begin))
     end = min(peak + FIRST_SWINGS * context.half, context.change_after(peak))
-    index, states = context.samples(begin, end), aged(x, model.clamped)
+    index = context.samples(begin, end)
 
     def misfit(state: Array) -> float:
         try:
@@ -189,9 +196,6 @@ def first_state(context: LogContext) -> Array:
             return np.inf
         return float(np.mean(log.weight[index] * (log.force[index] - shown) ** 2))
 
-    rests = [context.rest(log.begin, state, log.end) for state in states]
-    onsets = np.array([t if begun else np.inf for begun, t, _, _ in rests])
-    finite = onsets[np.isfinite(onsets)]
     if not finite.size or np.ptp(finite) <= 1e-3 * (peak - log.begin):
         return x
     near = states[(onsets >= begin) & (onsets < end)]
@@ -399,26 +403,29 @@ def onset_on_data(context: LogContext, since: float, onset: float, x: Array, spr
     log, half, latest = context.log, context.half, context.change_after(since)
     local = np.linspace(0.0, 2.0 * half, 200)
     wave = context.motion(onset, x, float(local[-1])).sample(local)["force"]
-    slope = context.values["stiffness"] * log.speed_at(onset)
+    way = np.sign(wave[0])
+    stiffness = context.values["stiffness"]
+    slope = stiffness * log.speed_at(onset)
     reach, step = max(REACH * half, 2.0 * log.interval), max(half / 12, 0.25 * log.interval)
     index = context.samples(since, min(onset + 0.5 * (onset - since) + 2 * half, latest))
     width, centres = max(round(half / log.interval), 1), [onset]
     if index.size >= 2 * width:  # the steepest fall, where the force before it may be that of a stick
-        sums = np.concatenate([[0.0], np.cumsum(log.force[index])])
+        sums = np.concatenate([[0.0], np.cumsum(way * log.force[index])])
         means = sums[width:] - sums[:-width]
         fall = float(log.time[index[width - 1 + int(np.argmax(means[:-width] - means[width:]))]])
         between = context.samples(onset, fall)
         rises = between.size < 3 or any(onset < change < fall for change in context.changes)
         if not rises:
             time, noise = log.time[between], log.noise
-            rises = line_slope(time, log.force[between], noise) > 0.25 * slope - 3.0 * slope_error(time, noise)
+            rises = line_slope(time, way * log.force[between], noise) > 0.25 * way * slope - 3.0 * slope_error(time, noise)
         if abs(fall - onset) > reach and (fall < onset or rises):
             centres.append(fall)
 
     def misfits(index: NDArray[np.intp], places: Array) -> Array:
         """Mean squares by place of the samples before the end of the wave, in noise variances."""
         after = log.time[index] - places[:, None]
-        expected = np.where(after < 0.0, wave[0] + slope * after, np.interp(after, local, wave))
+        moved = log.moved(log.time[index]) - log.moved(places)[:, None]
+        expected = np.where(after < 0.0, wave[0] + stiffness * moved, np.interp(after, local, wave))
         counted = after < local[-1]
         squares = np.sum(counted * log.weight[index] * (log.force[index] - expected) ** 2, axis=1)
         count = np.count_nonzero(counted, axis=1)
@@ -546,12 +553,19 @@ class _Motion:
         while arrest is None and t < until and t < begun + LONGEST * half and not faded:
             motion = self.context.motion(t, x, min(CHUNK * half, until - t))
             pieces.append((t, motion))
-            for phase in motion.phases:
+            for phase, after in pairwise([*motion.phases, None]):
                 if parts and parts[-1][0] == phase.mode and parts[-1][2] == "time":
                     parts.pop()  # only the simulation was cut there
+                turns = phase.ended_by == "speed" and after is not None and after.mode != "stick"
                 if phase.mode != "stick":
-                    parts.append((phase.mode, t + phase.start + phase.duration, phase.ended_by or "time"))
-                if phase.ended_by == "speed" and phase.mode != "stick":
+                    ended_by = "turn" if turns else phase.ended_by or "time"
+                    parts.append((phase.mode, t + phase.start + phase.duration, ended_by))
+                    brief = len(parts) > 1 and parts[-1][1] - parts[-2][1] <= BRIEF * half
+                    if brief and parts[-2][2] == "turn" and ended_by == "clearance":
+                        del parts[-1]  # what a contact ages where it turns is neglected
+                    elif brief and parts[-2][2] == "release" and turns:
+                        parts[-2:] = [(parts[-2][0], *parts[-1][1:])]
+                if phase.ended_by == "speed" and phase.mode != "stick" and not turns:
                     arrest = phase
                     break
             if arrest is None:
@@ -566,7 +580,7 @@ class _Motion:
             parts[-1] = (*parts[-1][:2], "time" if arrest is None else "arrest")
         after_rest = bool(self.stretches) and self.stretches[-1].kind == "rest"
         starts, since = [begin for begin, _ in pieces], begun
-        ends: dict[str, End] = {"clearance": "wear", "release": "release", "arrest": "arrest", "time": "time"}
+        ends: dict[str, End] = {"clearance": "wear", "release": "release", "arrest": "arrest", "turn": "turn", "time": "time"}
         for i, (mode, stop, ended) in enumerate(parts):  # nodes from the simulated pieces
             first = i == 0 and mode == "slip" and after_rest
             count = max(
@@ -579,7 +593,7 @@ class _Motion:
                 rows, (begin, motion) = which == number, pieces[number]
                 sampled = motion.sample(np.clip(times[rows] - begin, 0.0, motion.duration))
                 nodes[rows] = np.stack([sampled[s.name] for s in self.model.states], axis=1)
-            if ended == "arrest":
+            if ended in ("arrest", "turn"):
                 nodes[-1, SPEED] = 0.0
             self.stretches.append(Stretch("renewed" if mode == "renewed" else "slip", stop, ends[ended], nodes))
             since = stop

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 Kind = Literal["rest", "slip", "renewed", "steady", "steady_renewed"]
-End = Literal["onset", "wear", "release", "arrest", "time"]
+End = Literal["onset", "wear", "release", "arrest", "turn", "time"]
 
 # The stretches of a train of cycles by letters, and a train of them.
 LETTERS = {("rest", "onset"): "o", ("slip", "wear"): "w", ("renewed", "arrest"): "a", ("slip", "arrest"): "A"}
@@ -29,8 +29,8 @@ TRAIN = re.compile("(o(A|wa))*")
 class Stretch:
     """One stretch of a motion: a rest, a part of a slide, or steady sliding.
 
-    kind; until: its end [s]; ended_by: the guard that falls to zero there, or "time" where it is a time that is given
-    (the drive changes, the window ends); nodes (n, n_x): of a rest its end; of a slide the ends of its shooting
+    kind; until: its end [s]; ended_by: the guard that falls to zero there ("turn": the speed, and the mass slides back
+    without a rest), or "time" where it is a time that is given (the drive changes, the window ends); nodes (n, n_x): of a rest its end; of a slide the ends of its shooting
     intervals; of steady sliding start and end of each piece.
     """
 
@@ -92,6 +92,13 @@ class ShootingTrajectory:
             Stretch(kind, until, ended_by, own)
             for (kind, ended_by, _), until, own in zip(self.modes, self.until.tolist(), nodes, strict=True)
         )
+
+    @cached_property
+    def ways(self) -> Array:
+        """Direction of sliding in every stretch (s,), +1 or -1; of a rest that of the slide after it."""
+        sums = np.add.reduceat(self.nodes[:, SPEED], self.first[:-1]) if self.modes else np.empty(0)
+        after = [next((v for v in sums[i:].tolist() if v), 1.0) for i in range(sums.size)]
+        return np.sign(after)
 
     @property
     def rests_at_end(self) -> bool:
@@ -196,7 +203,8 @@ class ShootingTrajectory:
 def turned_back(trajectory: ShootingTrajectory) -> list[NDArray[np.bool_]]:
     """Nodes at which the mass moves backwards: of every stretch (n,), none of rests and of steady sliding. That is no
     motion of the model, in which the mass would rest in between."""
-    speeds = [stretch.nodes[:, SPEED] for stretch in trajectory.stretches]
+    pairs = zip(trajectory.ways.tolist(), trajectory.stretches, strict=True)
+    speeds = [way * stretch.nodes[:, SPEED] for way, stretch in pairs]
     fastest = np.zeros(trajectory.parts)  # of the slip; what is renewed throughout has its own
     for part, stretch, speed in zip(trajectory.part, trajectory.stretches, speeds, strict=True):
         if stretch.kind == "slip":
