@@ -99,7 +99,7 @@ def _by_motion(prepared: list[Prepared], unknowns: Unknowns, tried: Iterable[Arr
 
 def features_of(prepared: Sequence[Prepared]) -> tuple[list[Features], list[Array]]:
     """What the logs show of repeating cycles, with the base values (n_p,) of the log of each."""
-    cycling = [log for log in prepared if log.fit_mode.name == "cycles"]
+    cycling = [part for log in prepared for part in log.one_way if part.fit_mode.name == "cycles"]
     each = [
         (extract(*alike, log.rig.half_period), log.data.base)
         for log in cycling

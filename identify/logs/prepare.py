@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -51,6 +52,7 @@ Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 STROKE, PART = "stroke", "part"  # the labels of parts: a scene may have parameters of their own for them
+SKIPPED = 0.1  # of a stroke, at most, after a turn
 AT_TURNS = 0.02  # of the highest speed of a drive on a course: as fast goes its clock at least
 EVENTS = ("onset", "fall", "arrest")  # the times of cycles
 ROUNDING = 1e-9  # of the highest speed of a drive: less is none
@@ -88,8 +90,8 @@ class DriveClock:
 
     @staticmethod
     def of(drive: Drive, time: Array) -> DriveClock:
-        """The clock of a drive that goes one way, at rising times (n,) [s]; at its turns it goes on slowly."""
-        speeds = drive.motion(time)[1]
+        """The clock of a drive at rising times (n,) [s]; at its turns it goes on slowly."""
+        speeds = np.abs(drive.motion(time)[1])
         way = np.cumsum(np.maximum(0.5 * (speeds[1:] + speeds[:-1]), AT_TURNS * np.max(speeds)) * np.diff(time))
         speed = float(way[-1] / (time[-1] - time[0]))
         return DriveClock(drive, time, time[0] + np.concatenate([[0.0], way / speed]), speed)
@@ -187,18 +189,19 @@ def segmented(entry: LogEntry, record: Record, rig: Rig, *, elastic: bool = True
     if entry.flip_sign is None:
         # A slip may swing the spring past its rest, and a hold keeps it there: it pulls the other way meanwhile.
         driven = used & _moves(drive, record.time)
-        sign = -1 if float(np.nanmedian(thinned(kept(force, driven if np.any(driven) else used)))) < 0.0 else 1
+        along = force * np.sign(drive.motion(record.time)[1]) if drive.turns else force
+        sign = -1 if float(np.nanmedian(thinned(kept(along, driven if np.any(driven) else used)))) < 0.0 else 1
     force = -force if sign < 0 else force
     inner = slice(int(np.argmax(used)), used.size - int(np.argmax(used[::-1])))
     time, measured = record.time[inner], shown(force, used)[inner]
-    clock = DriveClock.of(drive, time) if drive.accelerates else None
+    clock, turns = DriveClock.of(drive, time) if drive.accelerates else None, strokes_of(drive, time, rig)
     if clock is not None:
         time, drive = clock.shown, Drive.of(clock.speed)
     known = Known(rig.stiffness if elastic else 0.0, max(drive.speeds), rig.half_period or 0.0, rig.plate)
     if not drive.constant:
         verdict = _verdict_on_programme(time, measured, rig, drive, known)
     else:
-        turns = turns_of_sign(measured) if clock is None else [(0, measured.size, 0)]  # a course is cut at its turns
+        turns = turns_of_sign(measured) if clock is None else turns
         verdict = of_strokes(time, measured, turns, known, rig.noise)
     phases = verdict.phases
     if phases.low_snr:  # half lost in the noise: those that the period of the rig shows; the model fills in the others
@@ -226,12 +229,25 @@ def _drive(rig: Rig, entry: LogEntry, record: Record) -> Drive:
             f"{name} has a drive speed of 0 m/s; expected a moving drive, since a hold alone cannot be fitted: give "
             "the speed it moved at, or take its [[logs]] out"
         )
-    if min(speeds) < 0.0 < max(speeds):
+    if min(speeds) < 0.0 < max(speeds) and along is None:
         raise FitError(f"{name} has a drive that turns within the part that is used; cut it into one window per stroke")
     if along is not None:
-        return drive.between(*window, sign=-1.0 if min(speeds) < 0.0 else 1.0)
+        return drive.between(*window, sign=-1.0 if max(speeds) <= 0.0 else 1.0)
     changes = ((t, abs(speed)) for (_, before), (t, speed) in pairwise(pieces) if speed != before)
     return Drive.of(((0.0, abs(speeds[0])), *changes))
+
+
+def strokes_of(drive: Drive, time: Array, rig: Rig) -> list[tuple[int, int, int]]:
+    """First row, end and direction of every stroke of a drive on a course, of the rows at times (n,) [s]; but for half
+    a natural period after a turn: a slip that the drive turns in goes on the old way meanwhile."""
+    out = []
+    for begin, end in pairwise([float(time[0]), *(t for t in drive.turns if time[0] < t < time[-1]), float(time[-1])]):
+        way = float(np.diff(drive.motion([begin, end])[0])[0])
+        skipped = min(rig.half_period or 0.0, SKIPPED * (end - begin)) if out else 0.0
+        first, last = np.searchsorted(time, [begin + skipped, end]).tolist()
+        if last - first >= FEWEST_ROWS:
+            out.append((first, last + 1, 1 if way > 0.0 else -1))
+    return out or [(0, time.size, 1)]
 
 
 def _refuse_too_few(entry: LogEntry, record: Record, used: Bools) -> None:
@@ -470,6 +486,12 @@ class Prepared:
         return replace(self, fit_mode=replace(self.fit_mode, name="continuous", low_snr=False))
 
     @property
+    def one_way(self) -> tuple[Prepared, ...]:
+        """The log, or its strokes where its drive turns on a course."""
+        turns = self.data.programme is not None and self.data.programme.turns
+        return self.pieces if turns and self.pieces else (self,)
+
+    @property
     def regime(self) -> Regime | None:
         """What it shows; None where no slip has come yet."""
         return self.regime_verdict.regime
@@ -570,6 +592,9 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
         cycles = log.phases.cycles
         sticks = cycles.onset[1:] - cycles.arrest[:-1] if cycles.count > 1 else cycles.onset - window[0]
         window = window[0], min(window[1], float(cycles.arrest[-1] + LAST_STICK * np.median(sticks)))
+    turning = bool(log.clock and log.clock.drive.turns)
+    if turning:
+        fit_mode, window = FitMode("continuous"), (float(log.time[0]), float(log.time[-1]))
     log, fit_mode, window = log.in_time(fit_mode, window)
     slip_times = log.phases.cycles.fall[entry.skip_cycles :]
     load, hidden = _load(log, window, judgement, scene, follows=model.follows_load)
@@ -593,6 +618,8 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
     )
     if fit_mode.name == "sliding":
         return replace(prepared, data=_as_sure_as_its_level(prepared, prepared.data))
+    if turning:
+        return replace(prepared, pieces=_strokes(prepared, strokes_of(log.drive, log.time, log.rig)))
     return replace(prepared, pieces=_pieces(prepared, log, stiffness)) if fit_mode.name == "continuous" else prepared
 
 
@@ -682,13 +709,26 @@ def _pieces(log: Prepared, whole: Segmented, stiffness: float) -> tuple[Prepared
     return tuple(out)
 
 
+def _strokes(log: Prepared, strokes: Sequence[tuple[int, int, int]]) -> tuple[Prepared, ...]:
+    """The strokes of a log whose drive turns on a course, each the right way up: what a start is taken from."""
+    out, data, drive = [], log.data, log.data.programme
+    inside = data.time[np.searchsorted(data.time, data.begin) :]
+    for first, last, way in strokes:
+        begin, end = float(inside[first]), float(inside[last - 1])
+        falls = log.slip_times[(log.slip_times > begin) & (log.slip_times < end)]
+        along = None if drive is None else drive.between(begin, end, sign=float(way))
+        own = replace(data, force=way * data.force, begin=begin, end=end, programme=along)
+        out.append(replace(log, data=own, slip_times=falls, fit_mode=FitMode("cycles"), pieces=()))
+    return tuple(out)
+
+
 def _left_out(fit_mode: FitMode, log: Segmented, judgement: Judgement) -> str | None:
     """Why a log is left out, in a sentence; None where it is not."""
     name, cycles, skipped, settled = name_of(log.entry), log.phases.count, log.entry.skip_cycles, fit_mode.steady_since
     if judgement.verdict == "reject" and not judgement.swapped:
         return f"{name} is rejected by the quality gate: {judgement.reason}; a threshold can be moved under [quality]"
     reason = None
-    if log.verdict.strokes > 1:
+    if log.verdict.strokes > 1 and log.clock is None:
         reason = (
             f"{name} goes to and fro: its force changes its sign in {log.verdict.strokes} strokes; give the programme "
             'of the drive with its signs, its position column (columns = { position = "…" }), or a window of one stroke'

@@ -261,14 +261,9 @@ def _strokes(scene: Scene, entry: LogEntry, record: Record) -> list[LogEntry]:
     """The strokes of a log whose drive turns; the log itself where it does not."""
     rig = scene.rig_for(entry)
     pairs, speed = rig.drive_speed, rig.drive_speed
-    if record.time.size == 0 or speed is None:
+    if record.time.size == 0 or speed is None or isinstance(speed, Course):  # a course is fitted through its turns
         return [entry]
-    end = float(record.time[-1])
-    if isinstance(speed, Course):  # from turn to turn
-        course = Drive.of(speed, end, FITTED_PIECES)
-        turns = [0.0, *(t for t in _turns(course) if t < end)]
-        pairs = tuple((t, course.at(0.5 * (t + until))) for t, until in pairwise([*turns, end]))
-    elif not isinstance(speed, tuple):
+    if not isinstance(speed, tuple):
         name = drive_position(record) if rig.stiffness > 0.0 else None
         motion = None if name is None else motion_of(record, name)
         signed = [(p.time, float(np.sign(p.speed)) * abs(speed)) for p in motion.pieces] if motion else []
@@ -295,21 +290,12 @@ def _strokes(scene: Scene, entry: LogEntry, record: Record) -> list[LogEntry]:
             replace(
                 entry,
                 window=(first + min(slip, 0.1 * (last - first)) if at_once else first, last),
-                drive_speed=speed if isinstance(speed, Course) else pairs,
+                drive_speed=pairs,
                 flip_sign=not entry.flip_sign if entry.flip_sign is not None and sign < 0 else entry.flip_sign,
                 labels={STROKE: f"{number} {'forth' if sign > 0 else 'back'}"} | dict(entry.labels),
             )
         )
     return out or [entry]
-
-
-def _turns(course: Drive) -> list[float]:
-    """When a course turns [s]: where its speed comes to zero."""
-    starts, speeds, _, _ = course.knots
-    moving = np.flatnonzero(np.abs(speeds) > 1e-9 * np.max(np.abs(speeds))).tolist()
-    before = [i for i, j in pairwise(moving) if speeds[i] * speeds[j] < 0.0]
-    shares = [speeds[i] / (speeds[i] - speeds[i + 1]) for i in before]
-    return [float(starts[i] + w * (starts[i + 1] - starts[i])) for i, w in zip(before, shares, strict=True)]
 
 
 def _without_gaps(scene: Scene, entry: LogEntry, record: Record) -> list[LogEntry]:

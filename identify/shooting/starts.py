@@ -30,7 +30,7 @@ TIMES = (0.2, 1.0, 5.0)  # t_cr [s]; longer ones, each times the last, up to the
 def level_starts(logs: Sequence[Prepared], unknowns: Unknowns) -> Array:
     """Theta (S, n_p) of starts from the levels of logs; where one slides steadily, so does the model."""
     speeds, levels, quantiles, times = list[float](), list[float](), list[Array](), list(TIMES)
-    for data in (log.data for log in logs):
+    for data in (part.data for log in logs for part in log.one_way):
         drive = data.programme or Drive((0.0,), (data.drive_speed,))
         counted = (data.weight > 0) & (data.time >= data.begin) & (data.time <= data.end)
         counted &= drive.motion(data.time)[1] > 0.0
