@@ -240,7 +240,7 @@ def _drive(rig: Rig, entry: LogEntry, record: Record) -> Drive:
 def strokes_of(drive: Drive, time: Array, rig: Rig) -> list[tuple[int, int, int]]:
     """First row, end and direction of every stroke of a drive on a course, of the rows at times (n,) [s]; but for half
     a natural period after a turn: a slip that the drive turns in goes on the old way meanwhile."""
-    out = []
+    out = list[tuple[int, int, int]]()
     for begin, end in pairwise([float(time[0]), *(t for t in drive.turns if time[0] < t < time[-1]), float(time[-1])]):
         way = float(np.diff(drive.motion([begin, end])[0])[0])
         skipped = min(rig.half_period or 0.0, SKIPPED * (end - begin)) if out else 0.0

@@ -346,8 +346,8 @@ class Block:
     measured course [N] (of a slide with load jitter two: at its onset, at its end), then the search variables (n_p,).
     Constants, in order: base values of the parameters (n_p,), row scales (n_x,), along a course of the drive its way
     from the start of the phase to that of the block, its speed then, its accelerations from then on and at the start
-    of the phase, and the direction of sliding (COURSE,), drive speed, normal force at the start and at the end of the phase and its slope, time of
-    its start, reference duration of it, first and last fraction of it.
+    of the phase, and the direction of sliding (COURSE,), drive speed, normal force at the start and at the end of the
+    phase and its slope, time of its start, reference duration of it, first and last fraction of it.
     """
 
     kind: BlockKind

@@ -327,7 +327,9 @@ def fine_grid(logs: list[LogData], trajectories: list[ShootingTrajectory], unkno
         rate = max([rate, *(0.5 * decays).tolist()])
         shares = {"slip": 0.5, "renewed": 1.0}  # of an interval in which friction weakens as the speed falls
         spans = np.diff([log.begin, *trajectory.until])
-        longest = [shares.get(m[0], 0.0) * span / m[2] for m, span in zip(trajectory.modes, spans.tolist(), strict=True)]
+        longest = [
+            shares.get(m[0], 0.0) * span / m[2] for m, span in zip(trajectory.modes, spans.tolist(), strict=True)
+        ]
         needed = max(needed, rate * max(longest, default=0.0) / FASTEST)
     steps = next((s for s in STEPS if s >= needed), STEPS[-1])
     return replace(COARSE_GRID, steps=steps)

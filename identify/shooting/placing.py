@@ -417,7 +417,9 @@ def onset_on_data(context: LogContext, since: float, onset: float, x: Array, spr
         rises = between.size < 3 or any(onset < change < fall for change in context.changes)
         if not rises:
             time, noise = log.time[between], log.noise
-            rises = line_slope(time, way * log.force[between], noise) > 0.25 * way * slope - 3.0 * slope_error(time, noise)
+            rises = line_slope(time, way * log.force[between], noise) > 0.25 * way * slope - 3.0 * slope_error(
+                time, noise
+            )
         if abs(fall - onset) > reach and (fall < onset or rises):
             centres.append(fall)
 
@@ -553,10 +555,11 @@ class _Motion:
         while arrest is None and t < until and t < begun + LONGEST * half and not faded:
             motion = self.context.motion(t, x, min(CHUNK * half, until - t))
             pieces.append((t, motion))
-            for phase, after in pairwise([*motion.phases, None]):
+            followers = [phase.mode for phase in motion.phases[1:]] + ["stick"]
+            for phase, after in zip(motion.phases, followers, strict=True):
                 if parts and parts[-1][0] == phase.mode and parts[-1][2] == "time":
                     parts.pop()  # only the simulation was cut there
-                turns = phase.ended_by == "speed" and after is not None and after.mode != "stick"
+                turns = phase.ended_by == "speed" and after != "stick"
                 if phase.mode != "stick":
                     ended_by = "turn" if turns else phase.ended_by or "time"
                     parts.append((phase.mode, t + phase.start + phase.duration, ended_by))
@@ -580,7 +583,13 @@ class _Motion:
             parts[-1] = (*parts[-1][:2], "time" if arrest is None else "arrest")
         after_rest = bool(self.stretches) and self.stretches[-1].kind == "rest"
         starts, since = [begin for begin, _ in pieces], begun
-        ends: dict[str, End] = {"clearance": "wear", "release": "release", "arrest": "arrest", "turn": "turn", "time": "time"}
+        ends: dict[str, End] = {
+            "clearance": "wear",
+            "release": "release",
+            "arrest": "arrest",
+            "turn": "turn",
+            "time": "time",
+        }
         for i, (mode, stop, ended) in enumerate(parts):  # nodes from the simulated pieces
             first = i == 0 and mode == "slip" and after_rest
             count = max(

@@ -30,8 +30,8 @@ class Stretch:
     """One stretch of a motion: a rest, a part of a slide, or steady sliding.
 
     kind; until: its end [s]; ended_by: the guard that falls to zero there ("turn": the speed, and the mass slides back
-    without a rest), or "time" where it is a time that is given (the drive changes, the window ends); nodes (n, n_x): of a rest its end; of a slide the ends of its shooting
-    intervals; of steady sliding start and end of each piece.
+    without a rest), or "time" where it is a time that is given (the drive changes, the window ends); nodes (n, n_x): of
+    a rest its end; of a slide the ends of its shooting intervals; of steady sliding start and end of each piece.
     """
 
     kind: Kind

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise, product
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +36,8 @@ def level_starts(logs: Sequence[Prepared], unknowns: Unknowns) -> Array:
         counted &= drive.motion(data.time)[1] > 0.0
         coefficient = data.force / data.normal_force.at(data.time)
         quantiles.append(np.nanquantile(coefficient[counted], (0.5, 0.999)))
-        longest = max((b - a for (a, b), v in zip(pairwise(drive.starts), drive.speeds, strict=False) if not v), default=0)
+        spans = zip(np.diff(drive.starts).tolist(), drive.speeds, strict=False)
+        longest = max((span for span, speed_then in spans if speed_then == 0.0), default=0.0)
         while times[-1] < longest / LONGER:
             times.append(LONGER * times[-1])
         for start, stop, speed in moving_pieces(drive, data.begin, data.end):
