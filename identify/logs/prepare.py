@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io import LogError, Record
-from data_io.arrays import kept, shown, thinned, thinned_steps
+from data_io.arrays import kept, shown, thinned, thinned_steps, true_runs
 from data_io.correct import Change, Corrected, Corrections, correct
 from data_io.quality import mean_and_drift
 from data_io.record import zero_of_times
@@ -240,14 +240,16 @@ def _drive(rig: Rig, entry: LogEntry, record: Record) -> Drive:
 def strokes_of(drive: Drive, time: Array, rig: Rig) -> list[tuple[int, int, int]]:
     """First row, end and direction of every stroke of a drive on a course, of the rows at times (n,) [s]; but for half
     a natural period after a turn: a slip that the drive turns in goes on the old way meanwhile."""
-    out = list[tuple[int, int, int]]()
-    for begin, end in pairwise([float(time[0]), *(t for t in drive.turns if time[0] < t < time[-1]), float(time[-1])]):
-        way = float(np.diff(drive.motion([begin, end])[0])[0])
-        skipped = min(rig.half_period or 0.0, SKIPPED * (end - begin)) if out else 0.0
-        first, last = np.searchsorted(time, [begin + skipped, end]).tolist()
-        if last - first >= FEWEST_ROWS:
-            out.append((first, last + 1, 1 if way > 0.0 else -1))
-    return out or [(0, time.size, 1)]
+    if not drive.turns:
+        return [(0, time.size, 1)]
+    ways, out = np.sign(drive.motion(time)[1]).astype(int), list[tuple[int, int, int]]()
+    for way in (1, -1):
+        for first, last in true_runs(ways == way):
+            skipped = min(rig.half_period or 0.0, SKIPPED * float(time[last - 1] - time[first])) if first else 0.0
+            begun = int(np.searchsorted(time, time[first] + skipped))
+            if last - begun >= FEWEST_ROWS:
+                out.append((begun, last, way))
+    return sorted(out)
 
 
 def _refuse_too_few(entry: LogEntry, record: Record, used: Bools) -> None:
@@ -592,7 +594,7 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
         cycles = log.phases.cycles
         sticks = cycles.onset[1:] - cycles.arrest[:-1] if cycles.count > 1 else cycles.onset - window[0]
         window = window[0], min(window[1], float(cycles.arrest[-1] + LAST_STICK * np.median(sticks)))
-    turning = bool(log.clock and log.clock.drive.turns)
+    turning = log.clock is not None and log.clock.drive.turns
     if turning:
         fit_mode, window = FitMode("continuous"), (float(log.time[0]), float(log.time[-1]))
     log, fit_mode, window = log.in_time(fit_mode, window)

@@ -74,10 +74,6 @@ class LogContext:
         speed = self.log.speed_at(np.nextafter(t, -np.inf) if just_before else t)
         return np.array([speed, float(self.log.normal_force.at(t)), 1.0, t])
 
-    def forces(self, t: float, x: Array, just_before: bool = False) -> Array:
-        """Friction forces (n,) that the load cell shows in states x (n, n_x) at a time [N]."""
-        return np.array(self.model.sliding_cell(x.T, self.p, self.inputs(t, just_before))).ravel()
-
     def steady(self, t: float, just_before: bool = False) -> Sliding | None:
         """The state of steady sliding at a time [s]."""
         u = self.inputs(t, just_before)
@@ -621,9 +617,8 @@ class _Motion:
         if steady is None or motion.duration < period:
             return False
         local = np.linspace(motion.duration - period, motion.duration, 60)
-        level = self.context.forces(t, steady.state[None], just_before=True)
         drift = self.log.normal_force.at(t - motion.duration + local) / float(self.log.normal_force.at(t))
-        return bool(np.max(np.abs(motion.sample(local)["force"] - level * drift)) < FADED * self.log.noise)
+        return bool(np.max(np.abs(motion.sample(local)["force"] - steady.force * drift)) < FADED * self.log.noise)
 
     def glide(self, since: float, until: float) -> None:
         """Steady sliding between two times, in as many pieces as the normal force has."""

@@ -166,13 +166,11 @@ class ShootingTrajectory:
 
     @cached_property
     def _train(self) -> Array:
-        """Onset, wear and arrest (c, 3) of every slip of a train of whole cycles; empty of any other motion."""
+        """Onset and arrest (c, 2) of every slip of a train of whole cycles; empty of any other motion."""
         letters = "".join(LETTERS.get(mode[:2], "-") for mode in self.modes)
         if not TRAIN.fullmatch(letters):
-            return np.empty((0, 3))
-        onset, arrest = self.ending("onset"), self.ending("arrest")
-        wear = np.where(arrest - onset == 2, self.until[np.minimum(onset + 1, self.until.size - 1)], np.nan)
-        return np.column_stack([self.until[onset], wear, self.until[arrest]])
+            return np.empty((0, 2))
+        return np.column_stack([self.until[self.ending("onset")], self.until[self.ending("arrest")]])
 
     @property
     def cycles(self) -> int:
@@ -185,14 +183,9 @@ class ShootingTrajectory:
         return self._train[:, 0]
 
     @property
-    def wear(self) -> Array:
-        """When the bounded state of each of its slips reaches its bound (c,) [s]; NaN where it never does."""
-        return self._train[:, 1]
-
-    @property
     def arrest(self) -> Array:
         """When each of its slips ends (c,) [s]."""
-        return self._train[:, 2]
+        return self._train[:, 1]
 
     @property
     def sticks(self) -> Array:

@@ -121,14 +121,10 @@ class Drive:
         """When the speed or its rate changes between two times [s], neither of them counted."""
         return list(self.starts[bisect_right(self.starts, begin) : bisect_left(self.starts, end)])
 
-    @cached_property
-    def turns(self) -> list[float]:
-        """When it turns [s]: where its speed comes to zero, and goes on the other way."""
-        starts, speeds, _, _ = self.knots
-        moving = np.flatnonzero(np.abs(speeds) > 1e-9 * np.max(np.abs(speeds))).tolist()
-        before = [i for i, j in pairwise(moving) if speeds[i] * speeds[j] < 0.0]
-        shares = [speeds[i] / (speeds[i] - speeds[i + 1]) for i in before]
-        return [float(starts[i] + w * (starts[i + 1] - starts[i])) for i, w in zip(before, shares, strict=True)]
+    @property
+    def turns(self) -> bool:
+        """Whether it goes both ways."""
+        return min(self.speeds) < 0.0 < max(self.speeds)
 
     def between(self, begin: float, end: float, zero: float = 0.0, sign: float = 1.0) -> Drive:
         """The course between two times [s], level before and after them; times counted from `zero` [s], speeds times a
