@@ -318,8 +318,7 @@ def fit_mode_of(log: Segmented, phases: Segmentation, slip_times: Array, stiffne
     """How a log is followed, or a stretch of it with its own phases; slip_times: of its cycles (c,) [s];
     stiffness [N/m], 0 where something else makes the mass swing."""
     time, force, noise, drive, half_period = log.time, log.measured, log.noise, log.drive, log.rig.half_period or 0.0
-    few = log.clock is not None and slip_times.size < FEW_SLIPS  # swings after one slip look like these
-    if drive.constant and not few and not phases.slides_on(slip_times.size):
+    if drive.constant and not phases.slides_on(slip_times.size):
         return FitMode("cycles", low_snr=phases.low_snr and slip_times.size > 0)
     settled = steady_since(time, force, noise, half_period)
     if settled is not None and drive.constant and phases.stick_slope is not None:
@@ -489,9 +488,8 @@ class Prepared:
 
     @property
     def one_way(self) -> tuple[Prepared, ...]:
-        """The log, or its strokes where its drive turns on a course."""
-        turns = self.data.programme is not None and self.data.programme.turns
-        return self.pieces if turns and self.pieces else (self,)
+        """The log, or its strokes where its drive goes on a course."""
+        return self.pieces if self.data.on_course and self.pieces else (self,)
 
     @property
     def regime(self) -> Regime | None:
@@ -590,13 +588,9 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
     slip_times = log.phases.cycles.fall[entry.skip_cycles :]
     fit_mode = fit_mode_of(log, log.phases, slip_times, stiffness)
     window = fitted_window(log, log.phases, fit_mode, entry.skip_cycles)
-    if log.clock is not None and fit_mode.name == "cycles" and log.phases.count:  # slips near the turn are not seen
-        cycles = log.phases.cycles
-        sticks = cycles.onset[1:] - cycles.arrest[:-1] if cycles.count > 1 else cycles.onset - window[0]
-        window = window[0], min(window[1], float(cycles.arrest[-1] + LAST_STICK * np.median(sticks)))
-    turning = log.clock is not None and log.clock.drive.turns
-    if turning:
-        fit_mode, window = FitMode("continuous"), (float(log.time[0]), float(log.time[-1]))
+    if log.clock is not None:
+        fit_mode = FitMode("continuous")
+        window = (float(log.time[0]), float(log.time[-1])) if log.clock.drive.turns else window
     log, fit_mode, window = log.in_time(fit_mode, window)
     slip_times = log.phases.cycles.fall[entry.skip_cycles :]
     load, hidden = _load(log, window, judgement, scene, follows=model.follows_load)
@@ -620,7 +614,7 @@ def prepare(scene: Scene, entry: LogEntry, record: Record, unknowns: Unknowns) -
     )
     if fit_mode.name == "sliding":
         return replace(prepared, data=_as_sure_as_its_level(prepared, prepared.data))
-    if turning:
+    if log.clock is not None:
         return replace(prepared, pieces=_strokes(prepared, strokes_of(log.drive, log.time, log.rig)))
     return replace(prepared, pieces=_pieces(prepared, log, stiffness)) if fit_mode.name == "continuous" else prepared
 

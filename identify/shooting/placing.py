@@ -207,7 +207,6 @@ SWEEPS = (4, 30)  # how often arrests are handed on, at least and at most: the r
 PER_HALF_PERIOD = 60  # RK4 steps of a placed slip per half natural period
 WINDOW = 48  # samples of a slip that vote on its shift
 SHIFTS = 61  # places that are tried for each slip
-SLOWEST = 0.02  # of the mean speed of a drive on a course: a start takes it for no slower
 
 
 @dataclass(frozen=True)
@@ -228,8 +227,7 @@ class _Cycles:
         log, fall = np.repeat(np.arange(len(logs)), [f.size for f in slip_times]), np.concatenate(slip_times)
         first = np.diff(log, prepend=-1) > 0
         force = np.concatenate([one.normal_force.at(f) for one, f in zip(logs, slip_times, strict=True)])
-        begin, noise = (np.array([getattr(d, n) for d in logs])[log] for n in ("begin", "noise"))
-        speed = np.concatenate([_speeds_at(one, f) for one, f in zip(logs, slip_times, strict=True)])
+        begin, noise, speed = (np.array([getattr(d, n) for d in logs])[log] for n in ("begin", "noise", "drive_speed"))
         # Each cycle begins about where the fall before it is.
         u = np.stack([speed, force, np.ones_like(force), np.where(first, begin, np.roll(fall, 1))], axis=1)
         return _Cycles(model, log, first, fall, np.stack(p)[log], u, noise)
@@ -238,14 +236,6 @@ class _Cycles:
         """The slip of every cycle from its arrest x (n, n_x)."""
         at_onset = sticks(self.model, x, self.p, self.u, forward=True)[1]
         return batch.slip(self.model, at_onset, self.p, self.u, per_half_period)
-
-
-def _speeds_at(log: LogData, slip_times: Array) -> Array:
-    """Drive speeds (c,) of cycles that slip at these times (c,) [s]: along a course those since the slip before."""
-    if not log.on_course:
-        return np.full(slip_times.size, log.drive_speed)
-    times = np.concatenate([[log.begin], slip_times])
-    return np.maximum(np.diff(log.moved(times)) / np.diff(times), SLOWEST * log.drive_speed)
 
 
 def place(
@@ -349,8 +339,7 @@ def _begin_state(context: LogContext, first: Array, onset: Array) -> Array:
     if clamped is None or not first.size:
         return x
     states = aged(x, clamped)
-    speed = float(_speeds_at(log, onset[:1])[0])
-    u = np.tile([speed, float(log.normal_force.at(onset[0])), 1.0, log.begin], (len(states), 1))
+    u = np.tile([log.drive_speed, float(log.normal_force.at(onset[0])), 1.0, log.begin], (len(states), 1))
     times = sticks(model, states, np.tile(context.p, (len(states), 1)), u, forward=True)[0]
     # Where the first stick is so long that its start is forgotten, half way is as good as any.
     known = np.ptp(times) > 1e-3 * (onset[0] - log.begin)
