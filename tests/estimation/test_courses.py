@@ -1,4 +1,4 @@
-"""Fits of a drive on a course: from turn to turn, with the course inside of every stick and slip."""
+"""Fits of a drive on a course: through its turns, with the course inside of every stick and slip."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from identify.logs.scene_records import prepare_scene
 from identify.model.model import assemble
 from identify.scene.tables import Course
 from identify.shooting.layout import COARSE_GRID
-from identify.shooting.placing import place
+from identify.shooting.placing import follow
 from identify.shooting.shooting import shooting_problem
 from identify.simulation.drive import Drive
 from identify.simulation.simulate import run
@@ -47,10 +47,11 @@ def _misfit(scene: Scene, record: Record) -> float:
     ready = prepare_scene(scene, [record])
     log, unknowns = ready.logs[0], ready.unknowns
     p = np.array([(DEMO | RIG)[name] for name in unknowns.names])
-    (motion,) = place(unknowns.model, [log.data], [p], [log.slip_times], COARSE_GRID)
-    assert motion is not None
+    followed = follow(unknowns.model, log.data, p, begins_sliding=False)
+    assert followed is not None
+    assert followed[1] == log.data.end
     unknowns = replace(unknowns, start=unknowns.theta(p, log.data.base))
-    problem = shooting_problem([log.data], [motion], unknowns, COARSE_GRID)
+    problem = shooting_problem([log.data], [followed[0]], unknowns, COARSE_GRID)
     return problem.evaluate(problem.start, derivatives=False).cost / problem.samples
 
 
@@ -73,14 +74,21 @@ def test_a_pair_is_recovered_from_one_log_on_ramps(position: bool) -> None:
         assert entry["value"] == pytest.approx(truth, rel=0.05), name
 
 
-def test_a_sine_is_cut_at_its_turns() -> None:
-    sine = Course((2e-3, 0.25, 0.0))
-    ready = prepare_scene(_scene(drive=sine.table), [_record(sine, 7.0)])
-    windows = [log.entry.window for log in ready.logs]
-    assert [round(stop, 6) for _, stop in windows] == [1.0, 3.0, 5.0, 6.9995]
-    assert [log.sign for log in ready.logs] == [1, -1, 1, -1]
-    assert all(min(log.data.programme.speeds) > -1e-12 for log in ready.logs if log.data.programme is not None)
-    assert all(log.data.on_course and log.slip_times.size for log in ready.logs)
+@pytest.mark.parametrize(("amplitude", "frequency", "turns_in_slips"), [(2e-3, 0.25, False), (3e-3, 3.0, True)])
+def test_true_parameters_follow_a_sine_through_its_turns(
+    amplitude: float, frequency: float, turns_in_slips: bool
+) -> None:
+    sine = Course((amplitude, frequency, 0.0))
+    record = _record(sine, 7.0 if frequency < 1.0 else 2.0)
+    (log,) = prepare_scene(_scene(drive=sine.table), [record]).logs
+    assert [np.sign(stroke.data.programme.speeds).sum() > 0 for stroke in log.pieces[:3]] == [True, True, True]
+    assert _misfit(_scene(drive=sine.table), record) < 2.0
+    wider = Course((1.2 * amplitude, frequency, 0.0))
+    assert _misfit(_scene(drive=wider.table), record) > 20.0
+    motion = run(assemble(MAIN), DEMO | RIG, sine, 1.0, 2.0)
+    inside = [phase.mode != "stick" for t in (np.arange(4) + 0.5) / 2 / frequency for phase in motion.phases
+              if phase.start < t <= phase.start + phase.duration]  # fmt: skip
+    assert any(inside) == turns_in_slips
 
 
 @pytest.mark.parametrize("noise", [0.0, 3e-6])
