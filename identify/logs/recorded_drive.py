@@ -15,7 +15,7 @@ from data_io import Record
 from data_io.arrays import thinned, true_runs
 from data_io.columns import DISTANCES
 from data_io.derived_columns import StatedVelocity, stated_velocity
-from data_io.drive import MOST, SAME, Programme, even, evened, motion_of
+from data_io.drive import MOST, SAME, Motion, Programme, even, evened, motion_of
 from data_io.quality import pauses
 from data_io.values import Finding
 from identify.base.wording import speed_text
@@ -49,6 +49,10 @@ FEW, ALIKE_FEW = 8, 3.0  # changes of sign up to which no oscillation makes them
 LEVEL_SHARE = 0.65  # of the rows of strokes, in which the force is more than half of the highest of its stroke
 RESOLVED = 0.5  # of the rows of a column, from which on it changes in each as a rule
 FLICKER = 0.1  # of the steps of a column that go back: more are noise
+SLOWEST = 0.05  # of the median speed of a column: how fast it is taken for at least where it turns
+FEW_PIECES, BETTER = 2, 4.0  # pieces that are no course; times the squares that a course leaves of a motion
+ENOUGH = 20_000  # rows that a course is seen from
+SHARES = (3.0, 2.0, 1.5, 1.25, 1.1, 1.0, 0.95)  # of the noise, to which knots are added
 UNDESCRIBED = 20.0  # times its noise that a course may be off its column
 HELD = 0.8  # of the level of a stroke, that its force has until the drive turns
 
@@ -209,55 +213,67 @@ def _of_column(record: Record, name: str) -> RecordedDrive:
     motion = motion_of(record, name)
     if motion is None:
         return RecordedDrive(None, trouble=f"column {shown} stands still", stands=True)
+    course = None
     if len(motion.pieces) > MOST:
         trouble = f"column {shown} has {len(motion.pieces)} pieces, more than {MOST}"
-    elif even(motion):
+    elif not even(motion):
+        trouble = f"column {shown} does not move evenly between its turns and rests"
+    elif (course := _smoother(record, motion, values, record.units()[name] == "m")) is not None:
+        trouble = f"column {shown} changes its speed gradually"
+    else:
         speeds = evened([piece.speed for piece in motion.pieces])
         pairs = [(piece.time, speed) for piece, speed in zip(motion.pieces, speeds, strict=True)]
         pairs = [(0.0, pairs[0][1]), *(b for a, b in pairwise(pairs) if a[1] != b[1])]
         if max(speeds) <= 0.0:  # never forth: the sign of a column is a choice
             pairs = [(start, abs(speed)) for start, speed in pairs]
         return RecordedDrive(tuple(pairs), source)
-    else:
-        trouble = f"column {shown} does not move evenly between its turns and rests"
     rate, start = np.polyfit(record.time, motion.position, 1)
     if np.std(motion.position - (start + rate * record.time)) < 0.02 * np.std(motion.position):
         return RecordedDrive(((0.0, abs(float(rate))),), source)
-    return RecordedDrive(None, source, trouble, course=_course_of(record.time, values, record.units()[name] == "m"))
+    course = course or _course_of(record.time, values, record.units()[name] == "m")
+    return RecordedDrive(None, source, trouble, course=course)
+
+
+def _smoother(record: Record, motion: Motion, values: Array, position: bool) -> Course | None:
+    """The course behind a column (n,), where it describes a motion of several pieces clearly better than these do."""
+    course = _course_of(record.time, values, position) if len(motion.pieces) > FEW_PIECES else None
+    if course is None:
+        return None
+    left = 0.0
+    for piece in motion.pieces:
+        t, x = (each[piece.start : piece.stop] for each in (motion.time, motion.position))
+        left += float(np.sum((x - np.polyval(np.polyfit(t, x, min(t.size - 1, 1)), t)) ** 2))
+    off = motion.position - Drive.of(course, float(record.time[-1])).motion(record.time)[0]
+    return course if left > BETTER * float(np.sum((off - off.mean()) ** 2)) else None
 
 
 def _course_of(time: Array, values: Array, position: bool) -> Course | None:
     """The course behind a column (n,) of position [m] or speed [m/s]: a speed that is straight from knot to knot, by
-    least squares, with as many knots as the best information criterion has. Where a column moves by steps of its
-    resolution it is known in their middles, where it changes; None where a spline does not describe it."""
+    least squares. Knots come where the column asks for them (P. Dierckx, Curve and Surface Fitting with Splines, 1993),
+    as many as the best information criterion has. Where a column moves by steps of its resolution it is known in their
+    middles, where it changes, and as exactly as the rows resolve how fast it then is. None where a spline does not
+    describe it."""
     rows = np.flatnonzero(np.isfinite(values))
     t, x = time[rows], values[rows]
-    changes, resolution = np.flatnonzero(np.diff(x)), 0.0
-    if changes.size < RESOLVED * x.size:
-        steps = np.diff(x)[changes]
-        if np.mean(steps[1:] * steps[:-1] < 0.0) < FLICKER:
-            interval = float(np.median(np.diff(t)))  # by which the time of a change is unsure
-            t, x = 0.5 * (t[changes] + t[changes + 1]), 0.5 * (x[changes] + x[changes + 1])
-            resolution = interval * float(np.median(np.abs(np.diff(x) / np.diff(t))))
-        else:
-            resolution = float(np.median(np.abs(steps)))
+    changes = np.flatnonzero(np.diff(x))
+    steps = np.diff(x)[changes]
+    if changes.size < RESOLVED * x.size and np.mean(steps[1:] * steps[:-1] < 0.0) < FLICKER and steps.size > 1:
+        interval = float(np.median(np.diff(t)))  # by which the time of a change is unsure
+        t, x = 0.5 * (t[changes] + t[changes + 1]), 0.5 * (x[changes] + x[changes + 1])
+        speeds = np.abs(np.gradient(x, t))
+        sd = np.maximum(speeds, SLOWEST * np.median(speeds)) * interval / np.sqrt(12.0)
+    else:
+        sd = np.full(x.size, white_noise(x))
     if t.size < FEWEST_ROWS:
         return None
-    beside = (t[1:-1] - t[:-2]) / (t[2:] - t[:-2])
-    off = x[1:-1] - x[:-2] - beside * (x[2:] - x[:-2])
-    noise = float(np.median(np.abs(off))) / 0.83  # 0.6745 of sqrt(1.5) noises
-    noise = max(noise, resolution / np.sqrt(12.0), 1e-7 * float(np.ptp(x)))
+    t, x, sd = (each[:: t.size // ENOUGH + 1] for each in (t, x, np.maximum(sd, 1e-7 * float(np.ptp(x)))))
     degree, best, lowest = 2 if position else 1, None, np.inf
-    for segments in 2 ** np.arange(int(np.log2(t.size / 4)) + 1):
-        inner = np.quantile(t, np.linspace(0.0, 1.0, segments + 1)[1:-1])
-        knots = np.concatenate([[t[0]] * (degree + 1), inner, [t[-1]] * (degree + 1)])
-        try:
-            spline = scipy.interpolate.make_lsq_spline(t, x, knots, k=degree)
-        except (ValueError, np.linalg.LinAlgError):
-            break
-        score = float(np.sum((x - spline(t)) ** 2)) / noise**2 + WORTH * segments
-        if score < lowest:
-            best, lowest = spline, score
+    for share in SHARES:
+        knots = scipy.interpolate.splrep(t, x, w=1.0 / sd, k=degree, s=share * t.size, quiet=1)[0]
+        spline = scipy.interpolate.make_lsq_spline(t, x, knots, k=degree, w=1.0 / sd)
+        left = float(np.sum(((x - spline(t)) / sd) ** 2))
+        if left + WORTH * knots.size < lowest:
+            best, lowest = spline, left + WORTH * knots.size
     if best is None or lowest > UNDESCRIBED * t.size:
         return None
     edges = np.unique(best.t)

@@ -301,7 +301,7 @@ def _gate_and_fit(attempt: Attempt) -> tuple[schema.GateResult, schema.FitFigure
     squares = sum(float(variance[family.log] @ cost) for family, cost in families)
     figures = schema.FitFigures(
         samples=solved.problem.samples,
-        cycles=int(sum(trajectory.arrests for trajectory in solved.trajectories)),
+        cycles=int(sum(trajectory.ending("arrest").size for trajectory in solved.trajectories)),
         iterations=solved.iterations,
         rms_N=math.sqrt(squares / max(solved.problem.samples, 1)),
     )

@@ -325,12 +325,10 @@ def fine_grid(logs: list[LogData], trajectories: list[ShootingTrajectory], unkno
         rate = abs(p.get("delta_mu_k", 0.0)) * p.get("a", 0.0) * log.mean_normal_force / p["mass"]
         decays = np.array(unknowns.model.decays(np.array(list(p.values())))).ravel()
         rate = max([rate, *(0.5 * decays).tolist()])
-        shares = {"slip": 0.5, "renewed": 1.0}  # of an interval in which friction weakens as the speed falls
-        spans = np.diff([log.begin, *trajectory.until])
-        longest = [
-            shares.get(m[0], 0.0) * span / m[2] for m, span in zip(trajectory.modes, spans.tolist(), strict=True)
-        ]
-        needed = max(needed, rate * max(longest, default=0.0) / FASTEST)
+        # In the second half of a slip friction weakens as the speed falls.
+        shares = [{"slip": 0.5, "renewed": 1.0}.get(kind, 0.0) / count for kind, _, count in trajectory.modes]
+        longest = np.max(shares * np.diff([log.begin, *trajectory.until]), initial=0.0)
+        needed = max(needed, rate * float(longest) / FASTEST)
     steps = next((s for s in STEPS if s >= needed), STEPS[-1])
     return replace(COARSE_GRID, steps=steps)
 

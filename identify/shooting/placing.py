@@ -9,6 +9,7 @@ the parameters does not add up. What does not join up is left to the shooting.
 from __future__ import annotations
 
 from bisect import bisect_right
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import pairwise
@@ -32,7 +33,7 @@ from identify.simulation.drive import NormalForce
 from identify.simulation.phases import Phase, Resting, Stick, sticks
 from identify.simulation.plan import Stepping
 from identify.simulation.simulate import run
-from identify.simulation.sliding import Sliding, lasting
+from identify.simulation.sliding import Sliding, slidings
 from identify.simulation.stepper import Situated
 from identify.simulation.trajectory import Trajectory
 
@@ -75,9 +76,14 @@ class LogContext:
         return np.array([speed, float(self.log.normal_force.at(t)), 1.0, t])
 
     def steady(self, t: float, just_before: bool = False) -> Sliding | None:
-        """The state of steady sliding at a time [s]."""
+        """Steady sliding at a time [s]; None where there is none (something goes on changing)."""
         u = self.inputs(t, just_before)
-        return lasting(self.model, self.p, u) if u[0] > 0.0 and not self.log.on_course else None
+        if not u[0] > 0.0 or self.log.on_course or self.model.clocked:
+            return None
+        with suppress(SimulationError):
+            (steady,) = slidings(self.model, np.append(self.p, [u[1], u[0]]))
+            return steady if np.all(np.isfinite(steady.state)) else None
+        return None
 
     def rest(self, t: float, x: Array, end: float) -> tuple[bool, float, Array, list[tuple[float, Array]]]:
         """A rest from x at t until the static limit is overcome, at most until `end` [s]: whether it is, when, the
@@ -160,8 +166,8 @@ def first_state(context: LogContext) -> Array:
     """State at the begin of the window, the contact half aged or such that the first slip lies on the data about the
     first peak."""
     log, model = context.log, context.model
-    moving = next((c for c in (log.begin, *context.changes) if log.speed_at(c) > 0.0), log.end)
-    moving = log.end if log.on_course else moving
+    changes = () if log.on_course else (log.begin, *context.changes)
+    moving = next((c for c in changes if log.speed_at(c) > 0.0), log.end)
     index = context.samples(moving, context.change_after(moving))
     peak = until = log.begin
     if index.size > 2:  # the highest mean over a fifth of half a period; at rest until half way up
@@ -401,10 +407,8 @@ def onset_on_data(context: LogContext, since: float, onset: float, x: Array, spr
         between = context.samples(onset, fall)
         rises = between.size < 3 or any(onset < change < fall for change in context.changes)
         if not rises:
-            time, noise = log.time[between], log.noise
-            rises = line_slope(time, way * log.force[between], noise) > 0.25 * way * slope - 3.0 * slope_error(
-                time, noise
-            )
+            line, noise = (log.time[between], way * log.force[between]), log.noise
+            rises = line_slope(*line, noise) > 0.25 * way * slope - 3.0 * slope_error(line[0], noise)
         if abs(fall - onset) > reach and (fall < onset or rises):
             centres.append(fall)
 
@@ -508,7 +512,7 @@ class _Motion:
         """The motion up to where it cannot be followed further: the end of a slide that was steady, or the rest after
         the last slip."""
         stretches = self.stretches
-        while stretches and not (stretches[-1].steady or stretches[-1].ended_by == "arrest"):
+        while stretches and not (stretches[-1].kind.startswith("steady") or stretches[-1].ended_by == "arrest"):
             stretches.pop()
         if not stretches:
             return None
@@ -568,13 +572,8 @@ class _Motion:
             parts[-1] = (*parts[-1][:2], "time" if arrest is None else "arrest")
         after_rest = bool(self.stretches) and self.stretches[-1].kind == "rest"
         starts, since = [begin for begin, _ in pieces], begun
-        ends: dict[str, End] = {
-            "clearance": "wear",
-            "release": "release",
-            "arrest": "arrest",
-            "turn": "turn",
-            "time": "time",
-        }
+        same: tuple[End, ...] = ("release", "arrest", "turn", "time")
+        ends: dict[str, End] = {"clearance": "wear", **{name: name for name in same}}
         for i, (mode, stop, ended) in enumerate(parts):  # nodes from the simulated pieces
             first = i == 0 and mode == "slip" and after_rest
             count = max(

@@ -39,11 +39,6 @@ class Stretch:
     ended_by: End
     nodes: Array
 
-    @property
-    def steady(self) -> bool:
-        """Whether the mass slides as fast as the drive."""
-        return self.kind in ("steady", "steady_renewed")
-
 
 @dataclass(frozen=True)
 class ShootingTrajectory:
@@ -158,11 +153,6 @@ class ShootingTrajectory:
         before = np.searchsorted(onsets, arrests)
         begun = np.append(np.nan, self.until[onsets])[before]
         return (self.until[arrests] - begun)[np.isfinite(begun)]
-
-    @property
-    def arrests(self) -> int:
-        """How often the mass comes to rest."""
-        return self.ending("arrest").size
 
     @cached_property
     def _train(self) -> Array:

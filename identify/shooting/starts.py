@@ -60,16 +60,13 @@ def level_starts(logs: Sequence[Prepared], unknowns: Unknowns) -> Array:
         known = {"a": 2.0 / speeds[fast], "delta_mu_k": min(1.2 * (levels[fast] - levels[slow]), -0.005)}
     value |= known
     steady = [part.data for log in logs for part in (log, *log.pieces) if part.fit_mode.name == "sliding"]
-
-    def growth(weakening: float) -> Array:
-        rig = value | {"delta_mu_k": weakening}
-        settings = [[*(rig[name] for name in names), one.mean_normal_force, one.drive_speed] for one in steady]
-        return growth_rates(unknowns.model, np.array(settings))
-
     if steady and "delta_mu_k" in value and not unknowns.model.clocked:
-        shares = 0.5 ** np.arange(HALVINGS)
-        fades = [np.all(growth(share * value["delta_mu_k"]) < 0.5 * growth(0.0)) for share in shares]
-        value["delta_mu_k"] *= shares[int(np.argmax(fades))]
+        shares = np.append(0.5 ** np.arange(HALVINGS), 0.0)
+        settings = [[*(value[name] for name in names), one.mean_normal_force, one.drive_speed] for one in steady]
+        tried = np.tile(settings, (shares.size, 1, 1))
+        tried[:, :, names.index("delta_mu_k")] *= shares[:, None]
+        growth = growth_rates(unknowns.model, tried.reshape(-1, tried.shape[-1])).reshape(shares.size, -1)
+        value["delta_mu_k"] *= shares[int(np.argmax(np.all(growth < 0.5 * growth[-1], axis=1)))]
     share = 1.0 - float(np.exp(-value.get("a", 0.0) * speeds[slow]))
     mu_k0 = max(levels[slow] - value.get("delta_mu_k", 0.0) * share, 0.01)
     peaked = any(log.fit_mode.name == "continuous" or log.data.on_course for log in logs)

@@ -119,17 +119,6 @@ def slidings(model: Model, settings: Array) -> list[Sliding]:
     return out
 
 
-def lasting(model: Model, p: Array, u: Array) -> Sliding | None:
-    """Steady sliding under the inputs u (4,) of a moment; None where there is none (something goes on changing)."""
-    if model.clocked:
-        return None
-    try:
-        (steady,) = slidings(model, np.append(p, [u[1], u[0]]))
-    except SimulationError:
-        return None
-    return steady if np.all(np.isfinite(steady.state)) else None
-
-
 def growth_rates(model: Model, settings: Array) -> Array:
     """Growth rates of the least stable disturbance of steady sliding [1/s], shape (n,), at settings (n, n_w).
 

@@ -18,7 +18,7 @@ from identify.shooting.layout import COARSE_GRID
 from identify.shooting.placing import follow
 from identify.shooting.shooting import shooting_problem
 from identify.simulation.drive import Drive
-from identify.simulation.sliding import lasting
+from identify.simulation.sliding import slidings
 
 MODEL = assemble(MAIN)
 NAMES = MODEL.parameter_names
@@ -38,14 +38,14 @@ def test_steady_sliding_is_the_closed_form_and_fades_where_it_is_stable():
     for pair, rig, speed, renewed in ((DEMO, RIG, 0.05, True), (MILD, STIFF, 1e-3, True), (MILD, STIFF, 1e-5, False)):
         values = pair | rig
         p, u = np.array([values[n] for n in NAMES]), np.array([speed, 1.0, 1.0, 0.0])
-        found = lasting(MODEL, p, u)
+        (found,) = slidings(MODEL, np.append(p, [u[1], u[0]]))
         mu_k = values["mu_k0"] + values["delta_mu_k"] * -np.expm1(-values["a"] * speed)
         gamma = max(0.0, 1.0 - speed * values["t_cr"] / values["D"])
         assert found.renewed is renewed
         shown = float(MODEL.load_cell(found.state, p, u))
         assert shown == pytest.approx(mu_k + (values["mu_s"] - mu_k) * gamma, rel=1e-9)
         assert found.stable
-    slow = lasting(MODEL, np.array([(DEMO | RIG)[n] for n in NAMES]), np.array([1e-3, 1.0, 1.0, 0.0]))
+    (slow,) = slidings(MODEL, np.array([*((DEMO | RIG)[n] for n in NAMES), 1.0, 1e-3]))
     assert slow is not None and not slow.stable
 
 
