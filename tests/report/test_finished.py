@@ -181,7 +181,8 @@ def test_figures_for_a_paper_have_its_widths_and_captions(fit, tmp_path, monkeyp
         head = files[f"log_1_force_{columns}_column.png"].read_bytes()[16:20]
         assert int.from_bytes(head, "big") == pytest.approx(300 * width, abs=1)
     with style.drawing_style():
-        legends = [axes.get_legend() for draw in drawn.values() for axes in draw(columns=1).figure.axes]
+        kinds = {name: draw for name, draw in drawn.items() if not name.startswith(("log_2", "log_3", "log_4"))}
+        legends = [axes.get_legend() for draw in kinds.values() for axes in draw(columns=1).figure.axes]
     assert max(len(legend.get_texts()) for legend in legends if legend) <= 5
 
 
