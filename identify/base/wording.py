@@ -148,25 +148,21 @@ def decimals(value: float, places: int) -> str:
     return _signed(f"{value:.{min(max(places, 0), 8)}f}")
 
 
-def ends_text(low: float, high: float, places: int) -> str:
-    """ "0.618 to 0.622": both ends with so many decimals; "0.0003 to 2040" where they lie decades apart, each with
-    three significant digits."""
-    near, far = sorted((abs(low), abs(high)))
-    if low * high > 0 and far >= DECADES * near:
-        return f"{number(float(f'{low:.3g}'), 3)} to {number(float(f'{high:.3g}'), 3)}"
-    return f"{decimals(low, places)} to {decimals(high, places)}"
-
-
 def interval_text(ends: tuple[float | None, float | None], scale: Scale, places: int | None = None) -> str:
     """ "0.618 to 0.622" of SI ends in the unit of the scale, open ends as "above" and "below", "open" where both are.
+    Ends that lie decades apart have three significant digits each: "0.0003 to 2040".
 
     places: decimals; None: as many as a quarter of the length is worth.
     """
     low, high = (None if end is None else end / scale.factor for end in ends)
     if low is not None and high is not None:
-        if places is None and (max(abs(low), abs(high)) >= 1e6 or high - low < 1e-6):
+        near, far = sorted((abs(low), abs(high)))
+        if places is None and (far >= 1e6 or high - low < 1e-6):
             return f"{number(low, 5)} to {number(high, 5)}"
-        return ends_text(low, high, places_for((high - low) / 4, None) if places is None else places)
+        if low * high > 0 and far >= DECADES * near:
+            return range_text(low, high, "")
+        places = places_for((high - low) / 4, None) if places is None else places
+        return f"{decimals(low, places)} to {decimals(high, places)}"
     if low is None and high is None:
         return "open"
     end = low if low is not None else high
