@@ -97,7 +97,7 @@ def shared_machine_code(tmp_path_factory: pytest.TempPathFactory) -> Iterator[No
 @pytest.fixture
 def no_predictions(monkeypatch: pytest.MonkeyPatch) -> None:
     """Fits do not say where their pair sticks and slips, which takes longer than a quick fit: tests/prediction asks."""
-    monkeypatch.setattr(result, "answers_of_logs", lambda prepared, *_: [{} for _ in prepared])
+    monkeypatch.setattr(result, "with_answers", lambda result, *_: result)
 
 
 @pytest.fixture

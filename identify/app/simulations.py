@@ -102,7 +102,7 @@ def site_at(scene: Scene, result: Result | None, number: int) -> Site:
     entry, log, values = scene.logs[number] if number < len(scene.logs) else None, LogResult(), dict[str, float]()
     if result is not None:
         number = min(number, len(result.logs) - 1)
-        log, pair = result.logs[number], pair_of(result, scene, number)
+        log, pair = result.logs[number], pair_of(result, number)
         if pair.refusal or not pair.values:
             raise PageError(pair.refusal or "this fit has no values; correct the fit first")
         values = dict(pair.values)

@@ -105,7 +105,7 @@ def plan(scene: Scene, logs: Sequence[Prepared], choices: Choices, result: Resul
         IdentifyError: a target that is not searched, a model without cycles, or no log of any design slips.
     """
     check_calculable(scene.model)
-    pair = Pair() if result is None else pair_of(result, scene, 0)
+    pair = Pair() if result is None else pair_of(result, 0)
     if pair.refusal:
         raise IdentifyError(f"{pair.refusal}; plan from a scene without a fit instead")
     values = dict(scene.values()) | {n: v for n, v in pair.values.items() if n in scene.values()}

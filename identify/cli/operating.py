@@ -128,7 +128,7 @@ def points_of(scene: Scene, result: Result | None, changes: Mapping[str, float] 
     declared, points = scene.model.parameter_names, []
     for entry, place in places:
         log = result.logs[place] if result and entry else LogResult()
-        pair = sources.pair_of(result, scene, place) if result else sources.Pair()
+        pair = sources.pair_of(result, place) if result else sources.Pair()
         for site in map(sources.site_of, sources.scenes_at(scene, entry, log, {**pair.values, **changes})):
             names, covariance = pair.names, pair.covariance
             guessed = sources.assumed(scene, site.values, (*changes, *pair.values))

@@ -151,7 +151,7 @@ class Pair:
     refusal: str = ""
 
 
-def pair_of(result: Result, scene: Scene, log: int) -> Pair:
+def pair_of(result: Result, log: int) -> Pair:
     """The pair of a log of a result; `log` counts from 0."""
     groups = groups_of(result, log)
     if result.estimator == "uneven":

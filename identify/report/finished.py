@@ -340,7 +340,7 @@ class Fit(Spelled):
         if effect not in scene.effects:
             have = ", ".join(scene.effects)
             raise FitError(f"this fit has no {effect}, whose law the figure shows; its effects are {have}")
-        values, pair = scene.values(), pair_of(self.typed, scene, log - 1)
+        values, pair = scene.values(), pair_of(self.typed, log - 1)
         x = over(values)
         with axes_of(axes) as on:
             draws = Draws.of(replace(site_of(scene), covariance=pair.covariance, names=pair.names))
@@ -367,7 +367,7 @@ class Fit(Spelled):
             FitError: the fit has no values. SimulationError: no answer there.
         """
         scene = self.scene(log)
-        site, pair = site_of(scene), pair_of(self.typed, scene, log - 1)
+        site, pair = site_of(scene), pair_of(self.typed, log - 1)
         speed = site.drive_speed if drive_speed is None else quantity(drive_speed, "m/s", "drive_speed")
         load = site.normal_force if normal_force is None else quantity(normal_force, "N", "normal_force")
         here = replace(site, drive_speed=speed, normal_force=load, covariance=pair.covariance, names=pair.names)
@@ -398,7 +398,7 @@ class Fit(Spelled):
         scene = scene_of(result, "the result")
         if scene.effects == "auto":
             scene = scene.with_effects(result.effects.names)
-        pair = pair_of(result, scene, log - 1)
+        pair = pair_of(result, log - 1)
         missing = [name for name, entry in result.parameters.items() if entry.value is None]
         if pair.refusal or (missing and not pair.values):
             raise FitError(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -10,16 +9,18 @@ from numpy.typing import NDArray
 
 from data_io.record import WINDOW_START, within
 from data_io.values import Finding
-from identify.base.document import Json, to_dict
-from identify.base.result import LogCurves, LogResult, QualityResult, Status
+from identify.base.document import to_dict
+from identify.base.result import LogCurves, LogResult, QualityResult, Result, Status
 from identify.diagnosis.findings import Findings
 from identify.estimation.preview import detected_curves
 from identify.logs.classical import table_of
 from identify.logs.prepare import Prepared
 from identify.logs.regime import Known, look
 from identify.logs.unknowns import Unknowns
+from identify.model.model import RIG_PARAMETERS
 from identify.prediction.axes import Site
 from identify.prediction.predict import NoAnswer, predictions
+from identify.prediction.sources import pair_of
 from identify.shooting import batch
 from identify.shooting.shooting_trajectory import ShootingTrajectory
 
@@ -29,70 +30,32 @@ Array = NDArray[np.float64]
 DRAWS = 100  # of the parameters: ends of intervals are good to a tenth of their half width; the calculators take 200
 
 
-def answers_of_logs(prepared: list[Prepared], findings: Findings, added: Array | float = 0.0) -> list[dict[str, Json]]:
-    """Stability and amplitude of the fitted pair at every log's speed and load; empty where there is no answer.
-
-    Args:
-        added: (f, f) to the covariance of the free theta by errors of rig and sensors.
-    """
-    if findings.status is not Status.CONVERGED or findings.attempt is None or findings.covariance is None:
-        return [{} for _ in prepared]
-    unknowns = findings.unknowns
-    free = np.flatnonzero(unknowns.free)
-    names = [unknowns.names[i] for i in free]
-    points: list[Site | NoAnswer] = []
-    for number, log in enumerate(prepared):
-        own = of_log(number, log, findings)
-        if isinstance(own, str):
-            points.append(NoAnswer(own))
-            continue
-        p = unknowns.values(own[0], log.data.base)
-        slope = np.where(unknowns.logarithmic, p, 1.0)[free]
-        covariance = (own[1] + added) * np.outer(slope, slope)
-        values = dict(zip(unknowns.names, p.tolist(), strict=True))
-        speed, load = log.data.drive_speed, log.mean_load
-        points.append(Site(unknowns.model, values, speed, load, covariance=covariance, names=tuple(names)))
-    answers = iter(predictions([point for point in points if isinstance(point, Site)], DRAWS))
-    return [to_dict(point if isinstance(point, NoAnswer) else next(answers)) for point in points]
-
-
-def of_log(number: int, log: Prepared, findings: Findings) -> tuple[Array, Array] | str:
-    """Theta (n_p,) of one log and the covariance (f, f) of its free parameters, its own group's among them; a sentence
-    where the log took no part and its group has no values."""
-    attempt, sure, names = findings.attempt, findings.sure, findings.unknowns.names
-    assert attempt is not None and findings.covariance is not None
-    free = np.flatnonzero(findings.unknowns.free)
-    theta, covariance = attempt.solved.theta, findings.covariance.copy()
-    verdicts = {e.name: e.verdict for e in findings.estimates}
-    if sure is not None and sure.of_groups:
+def with_answers(result: Result, prepared: list[Prepared], findings: Findings) -> Result:
+    """The result with stability and amplitude of the fitted pair at every log's speed and load, as the calculators say
+    it of a stored result."""
+    unknowns, attempt = findings.unknowns, findings.attempt
+    assert attempt is not None
+    pairs, sites = [pair_of(result, number) for number in range(len(prepared))], []
+    for number, (log, pair) in enumerate(zip(prepared, pairs, strict=True)):
+        theta = attempt.solved.theta
         if number in attempt.log_numbers:
             theta = attempt.solved.trajectories[attempt.log_numbers.index(number)].theta(theta)
-        theta, order = theta.copy(), np.arange(free.size)
-        for i, index in enumerate(free.tolist()):
-            if not findings.unknowns.grouped[index]:
-                continue
-            group = log.data.groups[index] or f"log {number + 1}"
-            share = next((s for s in sure.shares if (s.index, s.group) == (index, group)), None)
-            if share is None:
-                return f"No answer: this log was left out, and no other log determines {names[index]} of {group}."
-            theta[index] = share.theta
-            if share.place >= 0:
-                order[i] = free.size + share.place
-                verdicts[names[index]] = next(e.verdict for other, e in sure.of_groups if other == share)
-        covariance = sure.allowed.joint[np.ix_(order, order)].copy()
-    # What is not identifiable has no variance to carry on: the curvature at one point says nothing of it.
-    open_ = np.array([verdicts.get(names[index]) == "not identifiable" for index in free.tolist()], dtype=bool)
-    covariance[open_, open_] = np.inf
-    return theta, covariance
+        own = dict(zip(unknowns.names, unknowns.values(theta, log.data.base).tolist(), strict=True))  # on its own rig
+        scale = np.array([own[n] / pair.values[n] if n in RIG_PARAMETERS else 1.0 for n in pair.names])
+        covariance = None if pair.covariance is None else pair.covariance * np.outer(scale, scale)
+        values = own | {name: value for name, value in pair.values.items() if name not in RIG_PARAMETERS}
+        point = log.data.drive_speed, log.mean_load
+        sites.append(Site(unknowns.model, values, *point, covariance=covariance, names=pair.names))
+    known = iter(predictions([site for site, pair in zip(sites, pairs, strict=True) if not pair.refusal], DRAWS))
+    answers = [NoAnswer(f"No answer: {pair.refusal}.") if pair.refusal else next(known) for pair in pairs]
+    told = zip(result.logs, answers, strict=True)
+    return replace(result, logs=tuple(replace(log, derived=to_dict(answer)) for log, answer in told))
 
 
-def log_result(
-    index: int, log: Prepared, identified: Findings, answer: Mapping[str, Json], part_of: int | None
-) -> LogResult:
-    """One log in the result.
+def log_result(index: int, log: Prepared, identified: Findings, part_of: int | None) -> LogResult:
+    """One log in the result, but for what the parameters say of it.
 
     Args:
-        answer: what the parameters say of its stick-slip, see `answers_of_logs`.
         part_of: the number (from 1) of the log of the scene that it is a part of; None where it is whole.
     """
     record, verdict, window = log.record, log.regime_verdict, log.entry.window
@@ -124,7 +87,6 @@ def log_result(
         classical=table_of(record, seen, log.rig.stiffness),
         quality=_quality(log),
         corrections=log.account.changes,
-        derived=answer,
     )
 
 

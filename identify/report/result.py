@@ -42,7 +42,7 @@ from identify.logs.scene_records import parts_of
 from identify.logs.unknowns import Unknowns, stated_rig
 from identify.model.model import RIG_PARAMETERS
 from identify.prediction.wording import listed
-from identify.report.log_document import answers_of_logs, log_result
+from identify.report.log_document import log_result, with_answers
 from identify.scene import Scene
 from identify.scene.values import USUAL_TOLERANCES
 from identify.shooting.accuracy import FEWEST_STEPS, FitOptions, accuracy_costs, effect_shares
@@ -83,7 +83,6 @@ def result_of(
     tolerances = _tolerances(scene, findings) if converged and findings.attempt is not None else {}
     shares = {name: each.relative for name, each in tolerances.items()}
     errors = _by_errors(findings, shares) if shares and findings.covariance is not None else {}
-    answers = answers_of_logs(prepared, findings, errors.get(ALL, 0.0))
     gate, figures = (None, None) if findings.attempt is None else _gate_and_fit(findings.attempt)
     result = Result(
         status=findings.status.value,
@@ -91,12 +90,11 @@ def result_of(
         parameters=_parameters(findings, converged),
         effects=_effects(prepared, findings, choice),
         estimator=findings.estimator,
-        correlation=_correlation(findings, errors.get(ALL, 0.0)) if converged else None,
+        correlation=_correlation(findings, errors.get(ALL)) if converged else None,
         gate=gate,
         fit=figures,
         logs=tuple(
-            log_result(i, log, findings, answer, part)
-            for i, (log, answer, part) in enumerate(zip(prepared, answers, parts, strict=True))
+            log_result(i, log, findings, part) for i, (log, part) in enumerate(zip(prepared, parts, strict=True))
         ),
         notes=tuple(_notes(scene, prepared, findings)),
         search=tuple(findings.trace.trials),
@@ -118,6 +116,7 @@ def result_of(
         result = replace(result, rig_sensitivity=_rig_sensitivity(scene, findings), tolerances=tolerances)
         parameters = _published(result.parameters, findings, shares, errors)
         result = replace(result, parameters=parameters, derived=derived_quantities(parameters, result.correlation))
+        result = with_answers(result, prepared, findings)
         return _with_depth(result, findings.sure, findings.unknowns, base) if findings.sure else result
     if converged:
         return result
@@ -259,12 +258,12 @@ def _parameter(estimate: Estimate, converged: bool) -> ParameterResult:
     )
 
 
-def _correlation(findings: Findings, added: Array | float) -> schema.Correlation | None:
+def _correlation(findings: Findings, added: Array | None) -> schema.Correlation | None:
     """Correlation of all estimates and the standard errors [SI] that go with it, also of those that have none because
     the data do not determine them.
 
     Args:
-        added: (f, f) to the covariance of the free theta by errors of rig and sensors.
+        added: (f, f) to the covariance of the free theta by errors of rig and sensors, which all groups share.
     """
     if findings.estimated is not None and len(findings.estimated.names):
         names, covariance, size = list(findings.estimated.names), findings.estimated.covariance, np.ones(1)
@@ -279,8 +278,9 @@ def _correlation(findings: Findings, added: Array | float) -> schema.Correlation
             order = [*range(free), *(free + share.place for share, _ in beyond)]
             estimates, index = estimates + [e for _, e in beyond], index + [share.index for share, _ in beyond]
             covariance = findings.sure.allowed.joint[np.ix_(order, order)]
-        covariance = covariance.copy()
-        covariance[:free, :free] += added
+        if added is not None:
+            places = [index.index(i) for i in index]
+            covariance = covariance + added[np.ix_(places, places)]
         names = [e.name for e in estimates]
         size = np.where(findings.unknowns.logarithmic[index], np.array([e.value for e in estimates], dtype=float), 1.0)
     sd = np.sqrt(np.diag(covariance))

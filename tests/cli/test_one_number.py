@@ -35,7 +35,7 @@ def test_every_place_says_the_same_of_a_log(path, which):
     scene, entry = _scene(path, which)
     record, rig = read_log(path, step=entry.step), scene.rig_for(entry)
     seen = document(inspection(str(path), record, StatedRig(rig.stiffness, rig.drive_speed, rig.mass)))
-    fitted = to_dict(log_result(0, prepare(scene, entry, record, from_scene(scene)), UNFITTED, {}, None))
+    fitted = to_dict(log_result(0, prepare(scene, entry, record, from_scene(scene)), UNFITTED, None))
     (row,), (step,) = seen["classical"]["rows"], seen["steps"]
     assert fitted["classical"]["rows"] == [row]
     assert seen["quality"]["load_N"] == fitted["normal_force_N"] == pytest.approx(row["normal_force_N"])

@@ -92,7 +92,7 @@ def test_each_log_is_answered_by_its_own_group_and_covariance():
 
 
 def pair(told, log):
-    return pair_of(Result.from_dict(told), Scene.from_document(told["provenance"]["scene"]), log)
+    return pair_of(Result.from_dict(told), log)
 
 
 def test_a_log_whose_group_has_no_values_is_not_answered_by_another():
