@@ -21,6 +21,8 @@ import numpy as np
 import openpyxl
 import scipy.io
 
+from experiments.batch_trials import SCENE as PAIR
+
 
 @dataclass(frozen=True)
 class Hostile:
@@ -37,15 +39,7 @@ class Hostile:
     beside: Mapping[str, bytes] = field(default_factory=dict)
 
 
-SCENE = """\
-effects = ["inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening"]
-[rig]
-mass = "0.2 kg"
-stiffness = "1470 N/m"
-damping = "147 N/m"
-drive_speed = "0.2 mm/s"
-normal_force = "1 N"
-"""
+SCENE = f'{PAIR}drive_speed = "0.2 mm/s"\nnormal_force = "1 N"\n'
 ROWS = [(0.0, 0.5, 3.0), (0.02, 0.52, 3.01), (0.04, 0.54, 2.99), (0.06, 0.53, 3.0)]
 """Time [s], friction and normal force [N] of the logs that something is wrong with."""
 

@@ -7,15 +7,12 @@ import re
 
 import pytest
 
+from experiments.batch_trials import SCENE as PAIR
 from identify.app.folder import Folder
 from identify.app.results import batch_seen, fit_seen
 from identify.cli.main import main
 from identify.report.report_tables import summary
 from tests.support.fake_fit import fit_of_a_scene, with_verdicts
-
-MAPPED = """effects = ["inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening"]
-rig = { mass = "0.2 kg", stiffness = "1470 N/m", damping = "147 N/m", drive_speed = "1 mm/s", normal_force = "1 N" }
-"""
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +51,7 @@ def test_a_fit_has_the_same_numbers_in_page_report_terminal_and_study(saved):
 
 
 def test_a_map_has_the_same_outcomes_in_page_and_file(tmp_path, capsys):
-    (tmp_path / "scene.toml").write_text(MAPPED, encoding="utf-8")
+    (tmp_path / "scene.toml").write_text(PAIR + 'drive_speed = "1 mm/s"\nnormal_force = "1 N"\n', encoding="utf-8")
     words = ["--map", "drive_speed", "stiffness", "--points", "3", "--data", str(tmp_path / "map.csv"), "--json"]
     assert main(["stability", "--scene", str(tmp_path / "scene.toml"), *words]) == 0
     page = json.loads(capsys.readouterr().out)["map"]  # what the page draws: identify/app/static/map.js

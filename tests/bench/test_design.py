@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from data_io import Record
+from experiments.batch_trials import SCENE as PAIR
 from experiments.study_problem import DEMO, NOISE, RIG
 from identify import Scene, fit
 from identify.base.document import as_json
@@ -164,16 +165,9 @@ def test_speeds_of_a_programme_count_for_as_long_as_they_were_driven():
     assert driven(replace(data, programme=programme)) == [(1e-3, 1.5), (5e-3, 6.0)]
 
 
-SCENE = """
-effects = ["inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening", "varying_normal_force"]
-[rig]
-mass = "0.2 kg"
-stiffness = "1470 N/m"
-damping = "147 N/m"
-drive_speed = "1 mm/s"
-normal_force = "1 N"
-[parameters]
-"""
+SCENE = (
+    PAIR.replace("]", ', "varying_normal_force"]', 1) + 'drive_speed = "1 mm/s"\nnormal_force = "1 N"\n[parameters]\n'
+)
 
 
 @pytest.fixture

@@ -7,41 +7,25 @@ from pathlib import Path
 
 import pytest
 
+from experiments.batch_trials import SCENE as PAIR
 from identify.base.document import as_json
-from identify.effects import MAIN
 from tests.support.command import refused, stickslip
 from tests.support.fake_fit import fit_of_a_scene
 
-RIG = """
-[rig]
-mass = "0.2 kg"
-stiffness = "1470 N/m"
-zeta = 0.05
-drive_speed = "2 mm/s"
-normal_force = "1 N"
-"""
-
-
-SCENE = """
-name = "new-pair"
-effects = ["inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening"]
-[rig]
-mass = "0.2 kg"
-stiffness = "1470 N/m"
-damping = "147 N/m"
-drive_speed = "1 mm/s"
+SCENE = f"""name = "new-pair"
+{PAIR}drive_speed = "1 mm/s"
 normal_force = "1 N"
 [parameters]
-mu_s = { fixed = 0.62 }
-mu_k0 = { fixed = 0.43 }
-delta_mu_k = { fixed = -0.13 }
-D = { start = "37.4 um" }
+mu_s = {{ fixed = 0.62 }}
+mu_k0 = {{ fixed = 0.43 }}
+delta_mu_k = {{ fixed = -0.13 }}
+D = {{ start = "37.4 um" }}
 """
 
 
 def test_calculators_refuse_what_never_repeats(folder, capsys):
-    path, effects = "s.toml", [*MAIN, "excitation", "friction_heterogeneity", "skin_compliance"]
-    Path(path).write_text(f"effects = {json.dumps(effects)}\n{RIG}", encoding="utf-8")
+    path, more = "s.toml", '"velocity_weakening", "excitation", "friction_heterogeneity", "skin_compliance"]'
+    Path(path).write_text(SCENE.replace('"velocity_weakening"]', more), encoding="utf-8")
     sentence = refused(capsys, "stability", "--scene", path)
     assert "no cycle is like the one before" in sentence and "--without excitation" in sentence
     sentence = refused(capsys, "amplitude", "--scene", path, "--without", "excitation")

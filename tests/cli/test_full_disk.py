@@ -12,27 +12,11 @@ import numpy as np
 import pytest
 
 from data_io import Record, write_csv
+from experiments.batch_trials import SCENE as PAIR
 from identify.cli import main as cli
 from tests.support.fake_fit import fake_fit
 
-SCENE = """
-effects = ["inertia", "hysteresis_damping", "contact_ageing", "velocity_weakening"]
-[rig]
-mass = "0.2 kg"
-stiffness = "1470 N/m"
-damping = "147 N/m"
-drive_speed = "0.5 mm/s"
-normal_force = "2 N"
-[parameters]
-mu_s = { start = 0.6 }
-mu_k0 = { start = 0.4 }
-delta_mu_k = { start = -0.1 }
-a = { start = "250 s/m" }
-D = { start = "60 um" }
-t_cr = { start = "0.4 s" }
-"""
-
-
+SCENE = PAIR + 'drive_speed = "0.5 mm/s"\nnormal_force = "2 N"\n'
 SHARES = (0.0, 0.3, 0.97)  # of the largest file that a command writes
 LONG = ("plan", "plot", "simulate")  # commands that are tried at one share only
 
