@@ -3,8 +3,6 @@
 import re
 from pathlib import Path
 
-import pytest
-
 ROOT = Path(__file__).resolve().parent.parent
 FOLDERS = ("identify", "data_io", "experiments", "tests", "docs")
 EQUATIONS = (ROOT / "docs" / "equations.md").read_text(encoding="utf-8")
@@ -27,14 +25,12 @@ def test_cited_sections_of_the_equations_are_there():
         assert text.count("docs/equations.md,") == len(SECTIONS.findall(text)), f"{path}: a citation without a section"
 
 
-@pytest.mark.parametrize(
-    "path", [path for path, text in TEXTS.items() if re.search(r"\bE\d+\b.*printed|rrors.md, E", text)]
-)
-def test_cited_printed_errors_are_there(path):
+def test_cited_printed_errors_are_there():
     there = set(re.findall(r"^\| (E\d+) \|", ERRORS, flags=re.MULTILINE))
-    assert set(re.findall(r"\bE[1-9]\d?\b", TEXTS[path])) <= there
+    citing = {path: text for path, text in TEXTS.items() if re.search(r"\bE\d+\b.*printed|rrors.md, E", text)}
+    assert {path for path, text in citing.items() if not set(re.findall(r"\bE[1-9]\d?\b", text)) <= there} == set()
 
 
-@pytest.mark.parametrize("path", [p for p in TEXTS if p.suffix == ".md"], ids=lambda p: p.name)
-def test_links_of_a_page_lead_somewhere(path):
-    assert [to for to in LINKS.findall(TEXTS[path]) if not (path.parent / to).exists()] == []
+def test_links_of_a_page_lead_somewhere():
+    links = [(path, to) for path, text in TEXTS.items() if path.suffix == ".md" for to in LINKS.findall(text)]
+    assert len(links) > 50 and [(path, to) for path, to in links if not (path.parent / to).exists()] == []

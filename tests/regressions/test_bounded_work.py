@@ -12,7 +12,7 @@ from experiments.hostile_inputs import BOMBS, all_inputs, text
 from experiments.run_hostile_inputs import ended, tried
 
 CASES = Path(__file__).parents[1] / "cases"
-SAMPLE = 40  # every so many-th input
+SAMPLE = 60  # every so many-th input
 QUICK = 1.0  # [s] of processor time; each took from ten seconds to minutes
 
 
