@@ -52,8 +52,8 @@ from experiments.study_problem import (
 )
 from experiments.treated_logs import copied, oscillating, specimens, toleranced, treated
 from experiments.uneven_records import CASES as UNEVEN
+from experiments.uneven_records import SOFT, simulated, unlike
 from experiments.uneven_records import scene_of as uneven_scene
-from experiments.uneven_records import simulated
 from identify import Scene, fit
 from identify.base.errors import FitError, IdentifyError
 from identify.cli.logs import StatedRig, inspection
@@ -388,6 +388,15 @@ def uneven(number: int) -> Line:
     return line | {"right": line["right"] and result.get("estimator") == "uneven", "kind": name}
 
 
+def unlike_uneven(number: int) -> Line:
+    """A simulated uneven record whose rig and law are not those of the scene; right: mass and strength are."""
+    track, scene = unlike(number)
+    truth = {"strength": float(np.median(track.effective)), "mass": SOFT.mass}
+    line, result = fitted(scene, [track.record], truth, required=())
+    told = {n: [result["parameters"][n][k] for k in ("value", "interval")] for n in truth} if result else {}
+    return line | {"truth": truth, "told": told, "estimator": result.get("estimator")}
+
+
 def measured(number: int) -> Line:
     """Measured records, paper on paper: no truth; right: answered. What was told is kept."""
     names = MEASURED[number % len(MEASURED)]
@@ -498,6 +507,7 @@ SAMPLES: Mapping[str, Sample] = {
     ),
     "regimes": Sample(regime, 400, 60, 396 / 400),
     "uneven": Sample(uneven, 60, 6),
+    "unlike": Sample(unlike_uneven, 40, 4, coverage=(0.9, 1.0)),
     "strangers": Sample(strangers_pair, 60, 16, answered=57 / 60, coverage=(0.93, 1.0)),
     "measured": Sample(measured, len(MEASURED), len(MEASURED)),
     "hard": Sample(hard_scene, 69, 69),

@@ -1,9 +1,5 @@
 """Records of an uneven track by chance, from the equations alone: nothing of the estimator is used to draw them.
 
-    python experiments/uneven_records.py [tracks per case [first seed [case ...]]]
-
-fits such records with an estimator that is told of a rig unlike theirs, and counts intervals that hold the truth.
-
 The friction level is a Brownian path along the track with fine roughness (Ornstein-Uhlenbeck) on it, both fields of
 position; every stick has a strength of its own. Sticks are advanced in closed form, slips in steps far shorter than
 the samples, many records side by side. Forces are over the load until the record is made.
@@ -11,23 +7,16 @@ the samples, many records side by side. Forces are over the load until the recor
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-
-sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from data_io import Record
 from identify.effects import MAIN
 from identify.logs.prepare import Prepared, prepare
 from identify.logs.unknowns import from_scene
 from identify.scene import Scene
-from identify.uneven.estimator import mass_of, maximise
-from identify.uneven.events import sticks_of
-from identify.uneven.slip_functions import THETA
 
 Array = NDArray[np.float64]
 
@@ -74,14 +63,7 @@ CASES = {
     "stiff": STIFF,
     "stiff, rough": replace(STIFF, roughness=0.015),
 }
-# Unlike what a scene states and unlike the law: damping, friction that changes with speed, other weakening.
-OTHERS = {
-    "damped": replace(STIFF, damping=0.85),
-    "rises with speed": replace(STIFF, speed_slope=6.0),  # as a damping ratio of 0.21
-    "direct effect": replace(STIFF, direct=0.004),
-    "renewed in proportion": replace(STIFF, renewal="state"),
-}
-STATED_ZETA = 0.05
+UNLIKE_SEED = 6400
 
 
 @dataclass(frozen=True)
@@ -225,6 +207,28 @@ def scene_of(pair: Pair) -> Scene:
     )
 
 
+def unlike(number: int) -> tuple[Simulated, Scene]:
+    """A record of 50 cycles, and a scene unlike it: damping ratios of 0.01 to 0.2, each drawn by itself, a mass off by
+    up to a half, a linear speed term where there is none, or none where there is one (as a damping ratio of -0.1 to
+    0.25), by turns; every second pair of those weakens in proportion to what is left."""
+    random, base = np.random.default_rng([UNLIKE_SEED, number]), (SOFT, STIFF)[number % 2]
+    zeta, stated_zeta = np.exp(random.uniform(*np.log((0.01, 0.2)), 2))
+    critical, sloped = 2.0 * float(np.sqrt(base.stiffness * base.mass)), number // 2 % 2 == 1
+    pair = replace(
+        base,
+        strength=base.strength * float(np.exp(random.uniform(-0.4, 0.4))),
+        damping=zeta * critical,
+        speed_slope=float(random.uniform(-0.1, 0.25)) * critical / base.load if sloped else 0.0,
+        renewal=("linear", "state")[number // 4 % 2],
+        roughness=(0.0, 0.25 * base.strength)[number // 8 % 2],
+    )
+    stated = replace(pair, mass=base.mass * float(np.exp(random.uniform(-0.4, 0.4))))
+    stated = replace(stated, damping=2.0 * stated_zeta * float(np.sqrt(stated.stiffness * stated.mass)))
+    (track,) = simulated(pair, 50, [UNLIKE_SEED + number])
+    effects = [*(e for e in MAIN if sloped or e != "velocity_weakening"), *(() if sloped else ("linear_weakening",))]
+    return track, scene_of(stated).with_effects([*effects, "varying_normal_force"])
+
+
 def prepared(pair: Pair, record: Record) -> Prepared:
     """A record of a pair as the estimators take it."""
     scene = scene_of(pair)
@@ -236,44 +240,3 @@ def truth_of(pair: Pair, rest: float) -> Array:
     strength = pair.strength * -np.expm1(-rest / pair.creep_time)
     scales = (pair.level_wander, max(pair.scatter, 1e-6), max(pair.roughness, 1e-6))
     return np.log([strength, pair.weakening_rate, pair.creep_time, pair.mass, *scales])
-
-
-def covered(pair: Pair, cycles: int, seeds: list[int]) -> list[dict[str, tuple[float, bool, float]]]:
-    """Of every record, by quantity: error of the logarithm, whether the interval holds the truth, and the factor from
-    its lower to its upper end. The mass that the scene states is wrong by half, and the damping ratio STATED_ZETA."""
-    stated = replace(pair, mass=1.5 * pair.mass, damping=2.0 * STATED_ZETA * float(np.sqrt(pair.stiffness * pair.mass)))
-    out: list[dict[str, tuple[float, bool, float]]] = []
-    for track in simulated(pair, cycles, seeds):
-        sticks = sticks_of(prepared(stated, track.record))
-        maximum = maximise([sticks])
-        if not maximum.converged:
-            out.append({})
-            continue
-        truth = dict(zip(THETA, truth_of(pair, sticks.usual_rest), strict=False))
-        rows = {name: np.eye(len(THETA))[THETA.index(name)] for name in ("strength", "weakening_rate", "t_cr")}
-        ends = {name: (float(row @ maximum.theta), *maximum.interval(row)) for name, row in rows.items()}
-        mass = mass_of(maximum, sticks.rig.error)
-        ends["mass"] = float(np.log(mass.value)), float(np.log(mass.lower)), float(np.log(mass.upper))
-        truth["effective"], ends["effective"] = float(np.log(np.median(track.effective))), ends["strength"]
-        out.append(
-            {
-                name: (value - truth[name], low <= truth[name] <= high, float(np.exp(high - low)))
-                for name, (value, low, high) in ends.items()
-            }
-        )
-    return out
-
-
-def main(count: int = 10, seed: int = 5000, *cases: str) -> None:
-    """Print mean error of the logarithm, share of intervals that hold, and the usual factor between their ends."""
-    for name in cases or (*CASES, *OTHERS):
-        found = [one for one in covered((CASES | OTHERS)[name], 50, list(range(seed, seed + count))) if one]
-        cells = []
-        for quantity in found[0]:
-            errors, hold, factors = np.array([one[quantity] for one in found], float).T
-            cells.append(f"{quantity} {errors.mean():+.2f} / {hold.mean():.2f} / x{np.median(factors):.2f}")
-        print(f"{name:24} {len(found)} of {count}: " + "; ".join(cells), flush=True)
-
-
-if __name__ == "__main__":
-    main(*map(int, sys.argv[1:3]), *sys.argv[3:])

@@ -28,8 +28,8 @@ from identify.base.linear import keep_freed_memory
 from identify.base.progress import Notice, Progress, noticed_once, to_nobody
 from identify.base.result import LogCurves, SearchTrial, Status
 from identify.base.wording import distinct
-from identify.diagnosis.explain import MISFITS, explain, sensor_elsewhere, takes_misfit
-from identify.diagnosis.findings import Findings, against_data
+from identify.diagnosis.explain import CLEAR, MISFITS, explain, sensor_elsewhere, takes_misfit
+from identify.diagnosis.findings import Findings, against_data, held_scores
 from identify.diagnosis.fitted import Fitted, fit_beside, values_of
 from identify.diagnosis.selection import choose_from_data
 from identify.diagnosis.specimens import with_scatter
@@ -47,7 +47,6 @@ from identify.estimation.fit_wording import (
     wrong_unit,
 )
 from identify.estimation.goodness_of_fit import stick_scatter
-from identify.estimation.influence import largest_inflation
 from identify.estimation.preview import detected_curves
 from identify.estimation.search import SearchProblem, alike, search
 from identify.estimation.starts import Sources
@@ -303,9 +302,9 @@ def _quantified(task: Task, prepared: list[Prepared], attempt: Attempt | None, l
     status, message = sure.refused or ended(attempt, bounds)
     if status is Status.CONVERGED:
         message = slides_only(attempt.fitted_logs, attempt.solved.trajectories) or message
-    accepted = attempt.fits and sure.refused is None
-    held = against_data(attempt, unknowns, rig, largest_inflation(attempt, sure.allowed.noise)) if accepted else {}
-    return Findings(status, message, unknowns, attempt, left_out, sure, held)
+    scores = held_scores(attempt, unknowns)
+    held = against_data(scores, unknowns, rig) if attempt.fits and sure.refused is None else {}
+    return Findings(status, message, unknowns, attempt, left_out, sure, held, scores)
 
 
 def _with_rig_estimated(task: Task, prepared: list[Prepared], findings: Findings) -> tuple[list[Prepared], Findings]:
@@ -376,7 +375,7 @@ def _with_logs_apart(task: Task, prepared: list[Prepared], findings: Findings) -
     if random is None or random.sd > max(MOST_SCATTER, 2.0 * least):  # few logs barely determine it
         return prepared, findings
     again = _quantified(task, random.prepared, random.attempt, dict(findings.left_out))
-    if again.status is not Status.CONVERGED or again.contradicted:
+    if again.status is not Status.CONVERGED or (again.scores is not None and again.scores.classes(CLEAR)):
         return prepared, findings
     each = zip(random.attempt.names, (100.0 * random.off).tolist(), strict=True)
     shares = ", ".join(f"{name} {level:+.2g} % and {static:+.2g} %" for name, (level, static) in each)
@@ -419,19 +418,3 @@ def _curves(prepared: list[Prepared], findings: Findings) -> tuple[LogCurves, ..
         if findings.status not in (Status.CONVERGED, Status.AT_BOUND):
             curves[number] = refused_curves(prepared[number], curves[number])
     return tuple(curves)
-
-
-def find(
-    scene: Scene,
-    records: Sequence[Record] | None = None,
-    *,
-    progress: Progress = to_nobody,
-    starts: Sources | None = None,
-    seed: int = 0,
-    options: FitOptions = DEFAULT_OPTIONS,
-) -> tuple[list[Prepared], Findings]:
-    """The estimation of `fit` by multiple shooting, without its report; arguments and errors as there."""
-    task = _prepared(scene, records, options, starts, seed, progress)
-    with within((1.0 - REPORT_SHARE) * task.scene.time_limit), tracing() as trace:
-        logs, findings = _estimated(task)
-    return logs, _with_trace(findings, trace, task.scene.time_limit)

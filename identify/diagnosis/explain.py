@@ -19,8 +19,7 @@ from identify.base.budget import time_limit as within
 from identify.base.errors import FitError, SceneError
 from identify.base.progress import Progress
 from identify.base.result import CauseResult, SearchTrial, Status
-from identify.base.wording import START_VALUES
-from identify.diagnosis.findings import Findings
+from identify.diagnosis.findings import Findings, held_scores
 from identify.diagnosis.fitted import Fitted, fit_beside, fit_model
 from identify.diagnosis.quantities import EFFECTS, REACH, Suggestion, held_quantities, in_series, smoothed, suggestion
 from identify.diagnosis.score_test import ALIKE, Score, ScoreTable, score_table
@@ -28,13 +27,13 @@ from identify.estimation.attempt import Attempt, solve_again
 from identify.estimation.covariance import sizes
 from identify.estimation.estimator import in_time, note, tracing
 from identify.estimation.fit_wording import EXCHANGE, wrong_unit
-from identify.estimation.influence import largest_inflation, noise_of
+from identify.estimation.goodness_of_fit import stick_scatter
 from identify.estimation.search import SearchProblem, search
+from identify.estimation.stick_strength import likeliest, with_strengths
 from identify.logs.prepare import Prepared
 from identify.logs.segment import sensor_place
 from identify.logs.unknowns import Unknowns, stated_rig
 from identify.model.model import RIG_PARAMETERS
-from identify.prediction.wording import listed
 from identify.scene import Scene
 from identify.shooting.shooting import shooting_problem
 
@@ -47,7 +46,6 @@ MATTERS = 0.05  # of its size by which a parameter must move for an answer that 
 REFITTED = 3  # quantities that are fitted again at most
 ROUNDS = 6  # solves with a quantity moved, each from the step of the one before
 SETTLED = 0.3  # standard errors: a step that is smaller is the last one
-AUTOCORRELATED = 2.0  # samples that count as one: noise that a treatment of the signal may have left
 REFIT = "refit of a cause"
 REQUIRED_CYCLES = 3  # of a log that an answer has to describe
 SENSOR_SHARE = 0.5  # of the time that is left, for a fit with the force measured elsewhere
@@ -94,8 +92,7 @@ def explain(
         return replace(findings, status=Status.MODEL_MISFIT, message=refused, explained=True)
     if misfits and (attempt is None or any(log.unlike for log in prepared)):
         return _unexplained(findings, prepared)
-    answered = attempt is not None and findings.status in (Status.CONVERGED, Status.AT_BOUND)
-    if not misfits and not (answered and _doubtful(findings)):
+    if attempt is None or not (misfits or findings.status in (Status.CONVERGED, Status.AT_BOUND)):
         return findings
     progress("looking for what is wrong", 0.95)
     return _with_cause(findings, scene, read, Fitted(scene, findings.unknowns, tuple(prepared), attempt))
@@ -131,44 +128,66 @@ def sensor_elsewhere(
 
 
 def takes_misfit(attempt: Attempt, unknowns: Unknowns) -> bool:
-    """Whether one quantity that was stated takes all but REMAINS of a misfit away, to first order."""
+    """Whether one quantity that was stated takes all but REMAINS of a misfit away, to first order, or sticks contradict
+    it where no motion of the model was met."""
     solved = attempt.solved
     misfit = (attempt.gate.chi2_per_sample - 1.0) * solved.problem.samples  # also where the solver left the model
+    if not np.isfinite(attempt.excess) and _of_sticks(attempt, unknowns).scores:
+        return True
     scores = score_table(solved, held_quantities(attempt, unknowns)).scores if np.isfinite(misfit) else ()
     return bool(scores) and scores[0].score > (1.0 - REMAINS) * misfit
 
 
-def _doubtful(findings: Findings) -> bool:
-    """Whether what fits is looked at again: the data contradict the rig as it was stated, noise is autocorrelated,
-    friction rises with the sliding speed, which is rare and what a lagging sensor makes of friction that falls, or the
-    scene says something of a parameter."""
-    unknowns, attempt = findings.unknowns, findings.attempt
+def _of_sticks(attempt: Attempt, unknowns: Unknowns) -> ScoreTable:
+    """The scores of force and drive speed of single logs by their sticks, which rise at stiffness times drive speed,
+    whatever the slips do: all that is known before a motion of the model was met, where other scores mean nothing."""
+    columns = {column.name: column for column in held_quantities(attempt, unknowns)}
+    still, scores = np.zeros(np.count_nonzero(unknowns.free)), list[Score]()
+    for place, log in enumerate(attempt.fitted_logs):
+        slopes, rise = log.segmentation.stick_slopes, log.segmentation.stick_slope
+        if rise is None or not log.judgement.slope_errors or slopes.size < REQUIRED_CYCLES:
+            continue
+        step = float(np.log1p(log.judgement.slope_errors[0]))
+        error = max(1.25 * rise[1] / float(np.sqrt(slopes.size)), 1e-6)  # of a median
+        if (step / error) ** 2 > CLEAR:
+            of_log = (columns["force_gain"], columns["drive_speed"])
+            scores += [Score(column, place, (step / error) ** 2, step, error, still) for column in of_log]
+    scores.sort(key=lambda score: -score.score)
+    same = np.array([[one.log == other.log for other in scores] for one in scores])
+    inverse = np.array([1.0 / one.error for one in scores])
+    return ScoreTable(tuple(scores), same * np.outer(inverse, inverse))
+
+
+def _of_alike_sticks(ended: Fitted) -> tuple[Fitted, float]:
+    """The fit with sticks that are all alike, and by how much strengths of their own make the logs likelier, in
+    2 ln(likelihood). These take up what a wrong statement does to slips: what explains the logs as well is asked there.
+    """
+    attempt = ended.attempt
     assert attempt is not None
-    change = next((e.value for e in findings.estimates if e.name == "delta_mu_k" and e.verdict != "fixed"), None)
-    friction = np.array([p.kind == "friction" for p in unknowns.model.parameters])
-    theta, near = attempt.solved.theta, 1e-6 * unknowns.spread
-    sits = (theta - unknowns.lower < near) & unknowns.user_bounds[0] | (
-        unknowns.upper - theta < near
-    ) & unknowns.user_bounds[1]
-    stated = (~unknowns.free | np.isfinite(unknowns.prior_sd) | sits) & friction
-    return bool(
-        findings.contradicted
-        or (change is not None and change > 0.0)
-        or np.any(stated)
-        or any(model.inflation > AUTOCORRELATED for model in (findings.sure.allowed.noise if findings.sure else ()))
-    )
+    sd = attempt.fitted_logs[0].data.strength_sd
+    if not sd > 0.0:
+        return ended, 0.0
+    alike = replace(attempt, fitted_logs=tuple(with_strengths(attempt.fitted_logs, 0.0)))
+    solved = solve_again(alike, replace(ended.unknowns, start=attempt.solved.theta))
+    prepared = tuple(with_strengths(ended.prepared, 0.0))
+    return replace(ended, prepared=prepared, attempt=solved), likeliest(attempt.solved, sd)[1]
 
 
 def _with_cause(findings: Findings, scene: Scene, read: Sequence[Record], ended: Fitted) -> Findings:
     """The findings with the cause that the score test names, where setting it free confirms it."""
+    assert ended.attempt is not None
+    fits, scores = ended.attempt.fits or ended.fits, findings.scores
+    ended, scatter = _of_alike_sticks(ended) if fits else (ended, 0.0)
     attempt, unknowns = ended.attempt, ended.unknowns
     assert attempt is not None
-    fits = attempt.fits or ended.fits
-    table = score_table(attempt.solved, held_quantities(attempt, unknowns), _inflation(attempt))
+    table = scores if scores is not None and attempt is findings.attempt else held_scores(attempt, unknowns)
+    if not np.isfinite(attempt.excess) and (of_sticks := _of_sticks(attempt, unknowns)).scores:
+        table = of_sticks
     # First one of each class, by its highest score, and of a class that which has to move least for what is usual.
     classes = [sorted(some, key=lambda one: abs(one.step) / one.column.usual) for some in table.classes(CLEAR)]
-    # Beside an answer that fits already a cause has to fit clearly better.
-    enough = attempt.excess - CLEAR * _inflation(attempt) if fits else np.inf
+    # Beside an answer that fits already a cause has to fit clearly better, or as well as a scatter of sticks.
+    clearly = CLEAR * attempt.inflation
+    enough = attempt.excess - max(clearly, scatter - clearly) if fits else np.inf
     causes, tries = list[_Cause](), 0
     while classes:
         some = classes.pop(0)
@@ -200,12 +219,8 @@ def _with_cause(findings: Findings, scene: Scene, read: Sequence[Record], ended:
     rows = _rows(scene, attempt, unknowns, table, causes)
     findings = replace(findings, causes=rows, explained=bool(causes))
     if causes:
-        return _caused(findings, scene, causes, fits=fits)
+        return _caused(findings, scene, causes, attempt.excess, fits=fits)
     return _unexplained(findings, ended.prepared) if findings.status in MISFITS else findings
-
-
-def _inflation(attempt: Attempt) -> float:
-    return largest_inflation(attempt, noise_of(attempt))
 
 
 def _refitted(ended: Fitted, score: Score) -> _Cause | None:
@@ -237,11 +252,12 @@ def _refitted(ended: Fitted, score: Score) -> _Cause | None:
                 logs[log] = replace(logs[log], data=data)
                 fitted[place] = replace(fitted[place], data=replace(data, begin=cut.begin, end=cut.end))
         start = replace(unknowns, start=np.clip(theta, unknowns.lower, unknowns.upper))
-        found = solve_again(replace(best, fitted_logs=tuple(fitted)), start)
+        met = np.isfinite(best.excess)  # else there is no motion to go on from
+        found = solve_again(replace(best, fitted_logs=tuple(fitted)), start) if met else best
         if not found.solved.solution.success:
             other, _ = search(SearchProblem(logs, unknowns, thorough=False))
             found = found if other is None or other.log_numbers != best.log_numbers else other
-        table = score_table(found.solved, [replace(column, at=size), *others], _inflation(found))
+        table = score_table(found.solved, [replace(column, at=size), *others], found.inflation)
         keys = [one.key for one in table.scores]
         if score.key not in keys or not np.isfinite(found.excess):
             return None
@@ -254,6 +270,9 @@ def _refitted(ended: Fitted, score: Score) -> _Cause | None:
             same = best.log_numbers == ended.logs
             others_alike = [j for j in near if j != mine and (same or table.scores[j].log is None)]
             alike = tuple((table.scores[j], float(size * ratio[j])) for j in others_alike)
+            if not best.fits:  # a motion from where the quantity was wrong may be another one
+                other, _ = search(SearchProblem(logs, unknowns, thorough=False))
+                best = other if other is not None and other.log_numbers == best.log_numbers and other.fits else best
             return _Cause(score, size, best, unknowns, step.error, alike) if abs(size) < column.most else None
     return None
 
@@ -318,8 +337,9 @@ def _set_free(ended: Fitted, score: Score, i: int) -> Attempt:
 # How it is said.
 
 
-def _caused(findings: Findings, scene: Scene, causes: Sequence[_Cause], *, fits: bool) -> Findings:
-    """The findings of a fit whose cause is known, that first."""
+def _caused(findings: Findings, scene: Scene, causes: Sequence[_Cause], excess: float, *, fits: bool) -> Findings:
+    """The findings of a fit whose cause is known, that first; excess: of the fit as all was stated, of sticks that are
+    alike."""
     attempt, best = findings.attempt, causes[0]
     assert attempt is not None
     named: dict[str, Suggestion] = {}
@@ -345,9 +365,10 @@ def _caused(findings: Findings, scene: Scene, causes: Sequence[_Cause], *, fits:
     size = dict(zip(before, sizes(unknowns, np.array(list(before.values()))).tolist(), strict=True))
     moves = [(abs(after[name] - before[name]) / max(size[name], 1e-300), name) for name in known]
     moved, name = max(moves, default=(0.0, ""))
-    fall = f"chi^2 falls by {(attempt.excess - best.attempt.excess) / _inflation(attempt):.3g}"
+    fall = f"chi^2 falls by {(excess - best.attempt.excess) / attempt.inflation:.3g}"
     fall += f", and {name} moves by {100.0 * moved:.2g} %" if name else ""
-    message = f"the fit is better with {words}{apart}: {remedies} ({fall}); {findings.message}"
+    beside = ", as with static friction that differs from stick to stick" if stick_scatter(attempt.solved) else ""
+    message = f"the fit is better with {words}{apart}{beside}: {remedies} ({fall}); {findings.message}"
     refused = moved > MATTERS and findings.status is Status.CONVERGED
     return replace(findings, status=Status.MODEL_MISFIT if refused else findings.status, message=message)
 
@@ -370,18 +391,7 @@ def _rows(
 
 def _unexplained(findings: Findings, prepared: Sequence[Prepared]) -> Findings:
     """A misfit that nothing explains that was stated, with what the quality gate saw before the fit."""
-    attempt = findings.attempt
-    part, seen = () if attempt is None else attempt.log_numbers, dict[str, str]()
-    able = [(i, log) for i, log in enumerate(prepared) if log.left_out is None and not log.fit_mode.low_snr]
-    missing = [log.name for i, log in able if i not in part and log.typical >= REQUIRED_CYCLES]
-    # An attempt that was taken over from another model has the tests of that.
-    if missing and attempt is not None and attempt.with_solved(attempt.solved).fits:
-        names = listed(missing)
-        message = (
-            f"no answer of all logs was found: that of the others does not stick-slip as {names} does, and no "
-            f"stated quantity explains it: check the entry of {names} in [[logs]], fit it alone, or {START_VALUES}"
-        )
-        return replace(findings, status=Status.SOLVER_FAILED, message=message)
+    seen = dict[str, str]()
     for log in prepared:
         for finding in log.judgement.findings if log.left_out is None else ():
             if finding.severity != "info":

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from identify.base.result import CauseResult, HeldResult, Status
 from identify.diagnosis.quantities import held_quantities
-from identify.diagnosis.score_test import score_table
+from identify.diagnosis.score_test import ScoreTable, score_table
 from identify.estimation.attempt import Attempt
 from identify.estimation.certainty import Certainty
 from identify.estimation.covariance import Estimate, Information
@@ -22,23 +22,19 @@ from identify.scene import Scene
 Array = NDArray[np.float64]
 
 VAGUE = 1.0  # standard error of a logarithm beyond which the data say nothing of it
-CLEAR = 25.0  # squared distance that noise does not reach
 
 
-def against_data(
-    attempt: Attempt, unknowns: Unknowns, rig: Mapping[str, float], inflation: float
-) -> dict[str, HeldResult]:
-    """Mass, stiffness and damping as stated, by name, against what the data say of them to first order, with all that
-    was free set free.
+def held_scores(attempt: Attempt, unknowns: Unknowns) -> ScoreTable:
+    """The scores of all that an attempt took as stated."""
+    return score_table(attempt.solved, held_quantities(attempt, unknowns), attempt.inflation)
 
-    Args:
-        rig: stated values [SI] by name; inflation: by how much autocorrelation of the noise widens a variance.
-    """
-    columns = [column for column in held_quantities(attempt, unknowns) if column.name in RIG_PARAMETERS]
-    scores = score_table(attempt.solved, columns, inflation).scores if columns else ()
-    out = {}
-    for score in sorted(scores, key=lambda each: RIG_PARAMETERS.index(each.column.name)):
-        name = score.column.name
+
+def against_data(table: ScoreTable, unknowns: Unknowns, rig: Mapping[str, float]) -> dict[str, HeldResult]:
+    """Mass, stiffness and damping as stated (rig, by name [SI]) against what the data say of them to first order, with
+    all that was free set free."""
+    out, scores = {}, {score.column.name: score for score in table.scores}
+    for name in (name for name in RIG_PARAMETERS if name in scores):
+        score = scores[name]
         prior = unknowns.prior_sd[unknowns.names.index(name)] if score.column.prior else 0.0  # its error is in the step
         error = float(np.sqrt(max(score.error**2 - prior**2, 0.0)))
         if error < VAGUE:
@@ -49,12 +45,13 @@ def against_data(
 
 @dataclass(frozen=True)
 class Findings:
-    """What a fit found: status and sentence, the attempt that was accepted or came closest (None without one), why logs
-    took no part, what is known of its parameters (None where nothing is); held: the rig as it was stated, against the
-    data; causes: the scores of what a misfit may come of; trace: what was tried; estimator: its name; estimated: what
-    an estimator found that is not the plain one; scene: that of the answer where it is not the one that was given;
-    explained: whether a cause was confirmed, or the data are refused; scatter: relative standard deviation of friction
-    from log to log where the answer is one of logs that differ, else 0."""
+    """What a fit found: status and sentence, the attempt that was accepted or came closest (None without one), why
+    logs took no part, what is known of its parameters (None where nothing is); held: the rig as it was stated,
+    against the data; scores: of all that was stated; causes: those a misfit may come of; trace: what was tried;
+    estimator: its name; estimated: what an estimator found that is not the plain one; scene: that of the answer
+    where it is not the one that was given; explained: whether a cause was confirmed, or the data are refused;
+    scatter: relative standard deviation of friction from log to log where the answer is one of logs that differ,
+    else 0."""
 
     status: Status
     message: str
@@ -63,6 +60,7 @@ class Findings:
     left_out: Mapping[int, str] = field(default_factory=dict)
     sure: Certainty | None = None
     held: Mapping[str, HeldResult] = field(default_factory=dict)
+    scores: ScoreTable | None = None
     causes: tuple[CauseResult, ...] = ()
     trace: Trace = field(default_factory=Trace)
     estimator: str = "plain"
@@ -70,11 +68,6 @@ class Findings:
     scene: Scene | None = None
     explained: bool = False
     scatter: float = 0.0
-
-    @property
-    def contradicted(self) -> bool:
-        """Whether noise cannot be why the data would put something of the rig elsewhere."""
-        return any(held.squared_distance > CLEAR for held in self.held.values())
 
     @property
     def estimates(self) -> Sequence[Estimate]:

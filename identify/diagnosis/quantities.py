@@ -84,13 +84,12 @@ def load_exponent(reference: float) -> Change:
 
 
 def _sensed(shown: Callable[[LogData, Array, float], Array]) -> Change:
-    """What a sensor shows of the curve (n,) [N] of a log: the measured force moves by what it does."""
+    """What a sensor shows of the curve (n,) [N] of a log, or of the force where there is none: the measured force moves
+    by what it does."""
 
     def change(log: LogData, curve: Array, before: float, after: float) -> LogData:
-        good = np.isfinite(curve)
-        force = log.force.copy()
-        force[good] += shown(log, curve[good], before) - shown(log, curve[good], after)
-        return replace(log, force=force)
+        whole = np.where(np.isfinite(curve), curve, log.force)
+        return replace(log, force=log.force + shown(log, whole, before) - shown(log, whole, after))
 
     return change
 

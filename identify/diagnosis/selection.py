@@ -219,7 +219,8 @@ class _Comparison:
         known = None if attempt is None else information_at(attempt.solved, unknowns)
         if attempt is None or known is None or not known.known:
             return decreases
-        pulled = against_data(attempt, unknowns, stated_rig(self._scene), 1.0)
+        stated_ones = score_table(attempt.solved, held_quantities(attempt, unknowns))
+        pulled = against_data(stated_ones, unknowns, stated_rig(self._scene))
         covariance, at = known.covariance(), {unknowns.names[i]: n for n, i in enumerate(known.free.tolist())}
         off = np.where(unknowns.logarithmic, 1.0, attempt.solved.theta)[known.free]
         for effect in self.kept:

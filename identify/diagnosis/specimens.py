@@ -19,7 +19,6 @@ from identify.diagnosis.quantities import DIFFERENCE, load_gain, parameter
 from identify.diagnosis.score_test import Column, ScoreTable, score_table
 from identify.estimation.attempt import Attempt, solve_again
 from identify.estimation.estimator import in_time
-from identify.estimation.influence import largest_inflation, noise_of
 from identify.estimation.search import SearchProblem, search
 from identify.logs.log_data import LogData
 from identify.logs.prepare import Prepared
@@ -110,12 +109,11 @@ def with_scatter(attempt: Attempt, prepared: Sequence[Prepared], unknowns: Unkno
     columns = columns_of(unknowns, abs(float(attempt.solved.theta[unknowns.names.index("mu_s")])))
     names, off = [column.name for column in columns], np.zeros((len(attempt.log_numbers), len(columns)))
     for _ in range(ROUNDS):
-        inflation = largest_inflation(best, noise_of(best))
-        table = score_table(best.solved, columns, inflation)
+        table = score_table(best.solved, columns, best.inflation)
         if not table.scores:
             return None
         of = tuple(np.array([(score.log, names.index(score.column.name)) for score in table.scores]).T)
-        effects = log_effects(table, off[of], least, inflation, estimated=True)
+        effects = log_effects(table, off[of], least, best.inflation, estimated=True)
         if best is attempt and effects.fall < chi_square_exceeded(CHANCE, len(table.scores)):
             return None
         if (best is not attempt and effects.fall < SETTLED) or not in_time("scatter between logs"):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from identify.base.budget import stage, time_is_up
 from identify.base.result import Status
 from identify.estimation.goodness_of_fit import Gate, pass_gate
+from identify.estimation.residual_autocorrelation import ArModel, noise_model
 from identify.logs.prepare import Prepared, beginning, cut_in_last_stick
 from identify.logs.unknowns import Unknowns
 from identify.shooting.layout import COARSE_GRID
@@ -53,6 +55,17 @@ class Attempt:
         solution = self.solved.solution
         obeys = solution.success or solution.constraint_violation < OBEYS
         return 2.0 * solution.cost - self.solved.problem.samples if obeys else np.inf
+
+    @cached_property
+    def noise(self) -> list[ArModel]:
+        """The model of the residuals of each log."""
+        pairs = zip(self.solved.problem.logs, self.solved.fitted, strict=True)
+        return [noise_model(np.where(log.weight > 0, log.force - curve, np.nan)) for log, curve in pairs]
+
+    @property
+    def inflation(self) -> float:
+        """By how much autocorrelation and level of the noise widen the variance of what changes slowly, at most."""
+        return max(1.0, self.gate.level) * max([1.0, *(model.inflation for model in self.noise)])
 
     def with_solved(self, solved: Solved) -> Attempt:
         """The same logs with another solution, and the tests of that."""

@@ -63,7 +63,7 @@ class Certainty:
     ----------
     attempt: the answer, in a lower optimum where one was met.
     information: of all parameters.
-    allowed: covariances for white noise and with all that is allowed for; the noise of each log.
+    allowed: covariances for white noise and with all that is allowed for.
     estimates: values, standard errors, intervals and verdicts.
     bounds, hints: sentences, by parameter, on those at a bound and on what would determine them.
     refused: status and sentence where it is no answer after all, though it fits.
@@ -148,7 +148,7 @@ def certainty(attempt: Attempt, q: Question) -> Certainty | None:
         if message := active_event_bound(here.attempt.solved, here.attempt.names):
             refused = Status.WRONG_EVENT_COUNT, message
         elif len(here.attempt.log_numbers) > 1:
-            message = contradiction(here.attempt, q.unknowns, q.base, here.allowed.noise)
+            message = contradiction(here.attempt, q.unknowns, q.base)
             refused = (Status.MODEL_MISFIT, message) if message else None
     shares, of_groups = _groups(here, q)
     here = replace(here, refused=refused, profiles=profiles, optima=optima, shares=shares, of_groups=of_groups)
@@ -158,9 +158,7 @@ def certainty(attempt: Attempt, q: Question) -> Certainty | None:
     if count := q.options.bootstrap:
         size = np.sqrt(np.diag(here.allowed.white))
         with no_time_limit():
-            made = bootstrap(
-                here.attempt, q.unknowns, here.allowed.noise, size, count, seed=q.seed, progress=q.progress
-            )
+            made = bootstrap(here.attempt, q.unknowns, size, count, seed=q.seed, progress=q.progress)
         here = replace(here, bootstrap=made)
     return here
 

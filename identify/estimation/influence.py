@@ -10,7 +10,6 @@ A log that pulls farther has an answer of its own, however well the common one f
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,7 +21,7 @@ from identify.base.quantiles import LEVEL, chi_square_exceeded
 from identify.estimation.attempt import Attempt
 from identify.estimation.covariance import Information, sizes
 from identify.estimation.profile import MOVED, converged
-from identify.estimation.residual_autocorrelation import WHITE, ArModel, autocorrelated_covariance, noise_model
+from identify.estimation.residual_autocorrelation import WHITE, ArModel, autocorrelated_covariance
 from identify.logs.unknowns import Unknowns
 from identify.logs.vibration import rhythmic
 from identify.prediction.wording import shown
@@ -105,11 +104,10 @@ def sample_moves(problem: Problem, z: Array, columns: Array) -> list[Array]:
 @dataclass(frozen=True)
 class Allowed:
     """Covariances of the free parameters (f,) at an answer: white (f, f) for white noise, joint (f + o, f + o) with all
-    that is allowed for and with the parameters of single logs or groups; the noise of each log."""
+    that is allowed for and with the parameters of single logs or groups."""
 
     white: Array
     joint: Array
-    noise: list[ArModel]
 
     @property
     def covariance(self) -> Array:
@@ -128,7 +126,7 @@ def allowed(attempt: Attempt, known: Information, speed_error: float, values: Ar
     Args:
         speed_error: relative, of all drive speeds together; values (n_p,) of all parameters there [SI].
     """
-    white, by_speed, noise = known.covariance(), known.drive_speed_shift(values), noise_of(attempt)
+    white, by_speed, noise = known.covariance(), known.drive_speed_shift(values), attempt.noise
     joint, f = known.joint_covariance(), len(white)
     joint[:f, :f] = white + speed_error**2 * np.outer(by_speed, by_speed)
     if attempt.fits and not all(model.white for model in noise):
@@ -136,21 +134,7 @@ def allowed(attempt: Attempt, known: Information, speed_error: float, values: Ar
         variances = np.array([1.0 / max(float(np.max(log.data.weight)), 1e-300) for log in attempt.fitted_logs])
         joint += autocorrelated_covariance(reached.by_sample, variances * attempt.gate.levels, noise)
         joint -= autocorrelated_covariance(reached.by_sample, variances, [WHITE] * len(noise))
-    return Allowed(white, joint, noise)
-
-
-def noise_of(attempt: Attempt) -> list[ArModel]:
-    """The model of the residuals of each log of an attempt."""
-    logs, fitted = [log.data for log in attempt.fitted_logs], attempt.solved.fitted
-    return [
-        noise_model(np.where(log.weight > 0, log.force - curve, np.nan))
-        for log, curve in zip(logs, fitted, strict=True)
-    ]
-
-
-def largest_inflation(attempt: Attempt, noise: Sequence[ArModel]) -> float:
-    """By how much autocorrelation and level of the noise widen the variance of what changes slowly, at most."""
-    return max(1.0, attempt.gate.level) * max([1.0, *(model.inflation for model in noise)])
+    return Allowed(white, joint)
 
 
 @dataclass(frozen=True)
@@ -192,21 +176,20 @@ def scores_of(moves: Array, covariances: Array) -> list[LogScore]:
     return out
 
 
-def contradiction(attempt: Attempt, unknowns: Unknowns, base: Array, noise: Sequence[ArModel]) -> str:
+def contradiction(attempt: Attempt, unknowns: Unknowns, base: Array) -> str:
     """A sentence where a log has an answer of its own that differs from the common one, by its score and where the fit
     without it is another one too; "" where none does, or where what the user knows beside the logs contradicts them:
     then it is not they that do not agree.
 
     Args:
-        base: (n_p,) of the rig the values are given for; noise: of each log.
+        base: (n_p,) of the rig the values are given for.
     """
     try:
         known = influence(attempt.solved)
         scores = scores_of(known.moves, known.covariances)
     except (np.linalg.LinAlgError, RuntimeError):  # directions that no log determines: their verdicts say so
         return ""
-    slow = largest_inflation(attempt, noise)
-    *of_logs, beside = [replace(score, squared=score.squared / slow) for score in scores]
+    *of_logs, beside = [replace(score, squared=score.squared / attempt.inflation) for score in scores]
     free, theta = np.flatnonzero(unknowns.free), attempt.solved.theta
     values, compared = unknowns.values(theta, base), ~rhythmic(unknowns)[free]
     size = np.maximum(sizes(unknowns, values), 1e-300)
@@ -256,7 +239,6 @@ class Bootstrap:
 def bootstrap(
     attempt: Attempt,
     unknowns: Unknowns,
-    noise: Sequence[ArModel],
     sizes: Array,
     count: int,
     *,
@@ -266,10 +248,11 @@ def bootstrap(
     """Replicates of an answer, and intervals from them.
 
     Args:
-        noise: of each log; sizes: (f,) standard errors of the free theta; count: of replicates.
+        sizes: (f,) standard errors of the free theta; count: of replicates.
     """
     solved, random = attempt.solved, np.random.default_rng(seed)
     layout, free = solved.problem.layout, unknowns.free
+    noise = attempt.noise
     levels = np.broadcast_to(attempt.gate.levels, len(noise)).tolist()
     weak = replace(unknowns, start=solved.theta).with_weak_priors()
     thetas, settled = list[Array](), np.zeros(count, bool)

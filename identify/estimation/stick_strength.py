@@ -27,7 +27,7 @@ RANGE = (float(np.log(1e-4)), float(np.log(1e2)))  # times the scatter before, w
 
 def with_strengths(prepared: Sequence[Prepared], sd: float) -> list[Prepared]:
     """The logs with a static friction that scatters so from stick to stick (0: it does not)."""
-    return [replace(log, data=replace(log.data, strength_sd=sd)) if sd > 0.0 else log for log in prepared]
+    return [replace(log, data=replace(log.data, strength_sd=sd)) for log in prepared]
 
 
 def with_own_strengths(attempt: Attempt, prepared: list[Prepared], unknowns: Unknowns) -> Attempt | None:
@@ -55,17 +55,18 @@ def with_own_strengths(attempt: Attempt, prepared: list[Prepared], unknowns: Unk
         # The weak priors of a solve pull all sticks towards where it began: only what a solve with the largest scatter
         # still asks for is too much.
         # Strong sticks are long ones, which biases t_cr: at a scatter of 0.15 by one standard error.
-        likeliest, most = _likeliest(best.solved, sd), 0.2 * unknowns.strength(best.solved.theta)
-        if likeliest > most and sd > (1.0 - STEADY) * most:
+        (likely, _), most = likeliest(best.solved, sd), 0.2 * unknowns.strength(best.solved.theta)
+        if likely > most and sd > (1.0 - STEADY) * most:
             return None
-        before, sd = sd, min(likeliest, most)
+        before, sd = sd, min(likely, most)
         if abs(sd - before) < STEADY * before:
             return best
     return best
 
 
-def _likeliest(solved: Solved, sd: float) -> float:
-    """The scatter of largest marginal likelihood, from a solve with another one; 0 where none is likely."""
+def likeliest(solved: Solved, sd: float) -> tuple[float, float]:
+    """The scatter of largest marginal likelihood, from a solve with another one, and by how much 2 ln(likelihood) rises
+    with it; 0 where none is likely."""
     problem, layout = solved.problem, solved.problem.layout
     point = problem.evaluate(solved.solution.z, derivatives=True)
     about, columns = layout.prior_about[layout.varied], np.arange(layout.varied.size)
@@ -84,4 +85,4 @@ def _likeliest(solved: Solved, sd: float) -> float:
         return float(np.sum(np.log1p(information / prior) - pull**2 / (information + prior)))
 
     best = scipy.optimize.minimize_scalar(deviance, bounds=RANGE, method="bounded")
-    return sd * float(np.exp(best.x)) if best.fun < -4.0 else 0.0  # gain in 2 ln(likelihood)
+    return sd * float(np.exp(best.x)) if best.fun < -4.0 else 0.0, -float(best.fun)

@@ -23,6 +23,7 @@ NEIGHBOURS = (3, 9, 27, 81)  # frequencies over which a spectrum is averaged: a 
 FALSE_ALARMS = 0.01  # lines per log that white noise alone may show
 FEWEST, EVEN = 64, 0.05  # samples, and share of an interval that intervals may differ, of a spectrum
 PER_PERIOD, MOST_DRAWN = 20, 60_000  # straight pieces per period of the fastest line, and of all of them
+WAVES, ROUNDS, PER_WAVE = 4, 4, 100  # sinusoids of a load at most, steps to a frequency, straight pieces per period
 ALIKE, UNLIKE = 6, 1.5  # cycles along a course that count as alike, at most, and times their lowest speed the highest
 JITTER = 0.3  # [s]: what has shorter periods is another one at the end of a slip than at its onset
 
@@ -133,9 +134,11 @@ class LoadSpline:
 
 
 def smooth(time: Array, normal_force: Array, name: str = "the log", cycles: int = 1) -> LoadSpline:
-    """A measured normal force: a cubic spline fitted by least squares, and what stands out of its rest (N. Wiener).
+    """A measured normal force: sinusoids, a cubic spline fitted by least squares, and what stands out of its rest
+    (N. Wiener).
 
-    The number of spline segments is the one with the best information criterion: noise is averaged away, drift
+    A sinusoid is three numbers, where the spectrum of a record that holds no whole number of its periods has many
+    lines. The number of spline segments is the one with the best information criterion: noise is averaged away, drift
     and ripple are kept (a ripple of a few thousandths that is smoothed away biases a fit of many cycles).
 
     Args:
@@ -156,6 +159,8 @@ def smooth(time: Array, normal_force: Array, name: str = "the log", cycles: int 
     index = np.minimum(((t - t[0]) / (t[-1] - t[0]) * bins).astype(int), bins - 1)
     weights = np.bincount(index, minlength=bins).astype(float)
     filled, noise = weights > 0.0, _white(f)
+    waves = _sinusoids(t, f, noise)
+    f = f - _at(waves, t)
     means, centres = (np.bincount(index, v, bins)[filled] / weights[filled] for v in (f, t))
     weights = weights[filled]
     mean = float(np.average(means, weights=weights))
@@ -185,7 +190,7 @@ def smooth(time: Array, normal_force: Array, name: str = "the log", cycles: int 
     stated, length = white * share / t.size, float(t[-1] - t[0])
     fast = int(2.0 * length / JITTER)
     jitter += max(float(np.sum(error[fast:])), float(np.sum(stated[fast:])))
-    variance = one * count + max(float(np.sum(error)), float(np.sum(stated)))
+    variance = one * (count + waves.size) + max(float(np.sum(error)), float(np.sum(stated)))
     if fastest:
         finer = int(np.clip(np.ceil(0.5 * PER_PERIOD * fastest / t.size), 1, max(MOST_DRAWN // t.size, 1)))
         wave = np.sqrt(finer) * scipy.fft.idct(np.pad(share * lines, (0, (finer - 1) * t.size)), norm="ortho")
@@ -194,7 +199,50 @@ def smooth(time: Array, normal_force: Array, name: str = "the log", cycles: int 
         at, wave = at[::coarser], wave[::coarser]
         places = np.unique(np.clip(np.concatenate([at, t[[0, -1]]]), t[0], t[-1]))
         best = NormalForce.of((places, np.maximum(best.at(places) + np.interp(places, at, wave), 1e-9)))
+    if len(waves):
+        pieces = int(np.clip(PER_WAVE * length * np.max(waves[:, 0]) / (2.0 * np.pi), 1, MOST_DRAWN))
+        places = np.union1d(np.linspace(t[0], t[-1], pieces + 1), best.between(float(t[0]), float(t[-1]))[0])
+        best = NormalForce.of((places, np.maximum(best.at(places) + _at(waves, places), 1e-9)))
     return LoadSpline(_checked(best, name), float(np.sqrt(max(variance, one * cycles))), float(np.sqrt(jitter)))
+
+
+def _sinusoids(t: Array, f: Array, noise: float) -> Array:
+    """Angular frequency, and factors of cosine and sine, of the sinusoids (w, 3) of a force at even times, beside a
+    cubic: one after the other from the highest line of the spectrum of what is left, all of them by Gauss-Newton; each
+    against what is left of the lines next to it (D. J. Thomson, Proc. IEEE 70, 1055, 1982), as a band has them too."""
+    step, size, found = float(np.median(np.diff(t))), t.size, np.empty((0, 3))
+    if size < FEWEST or float(np.max(np.abs(np.diff(t) - step))) > EVEN * step:
+        return found
+    padded, window, at = scipy.fft.next_fast_len(4 * size), np.hanning(size), np.linspace(-1.0, 1.0, size)
+    first, cubic = 2 * padded // size, np.vander(at, 4)  # of slower ones than two periods the spline takes care
+    rest = f - cubic @ np.linalg.lstsq(cubic, f)[0]
+    for _ in range(WAVES):
+        power = np.abs(scipy.fft.rfft(window * rest, padded))
+        line = 2.0 * np.pi * (first + int(np.argmax(power[first:]))) / (padded * step)
+        frequencies, moves = np.append(found[:, 0], line), 0.0
+        for _ in range(ROUNDS):
+            frequencies = frequencies + moves
+            phases = np.outer(t, frequencies)
+            known = np.hstack([np.cos(phases), np.sin(phases), cubic])
+            fitted = np.linalg.lstsq(known, f)[0]
+            a, b = fitted[: frequencies.size], fitted[frequencies.size : 2 * frequencies.size]
+            along = at[:, None] * (b * known[:, : a.size] - a * known[:, a.size : 2 * a.size])
+            moves = np.linalg.lstsq(np.hstack([along, known]), f)[0][: a.size] / (0.5 * step * (size - 1))
+        if abs(frequencies[-1] - line) * step * size > 2.0 * np.pi:  # no sinusoid: its frequency wanders off
+            break
+        left = f - known @ fitted
+        places = np.abs(np.arange(power.size) - first - np.argmax(power[first:])) * size < NEIGHBOURS[1] * padded
+        level = float(np.mean(np.abs(scipy.fft.rfft(window * left, padded))[places] ** 2)) / float(np.sum(window**2))
+        enough = chi_square_exceeded(FALSE_ALARMS / size, 3) * max(level, noise**2)
+        if np.sum(rest**2) - np.sum(left**2) < enough:
+            break
+        found, rest = np.column_stack([frequencies, a, b]), left
+    return found
+
+
+def _at(waves: Array, t: Array) -> Array:
+    """The sum of sinusoids (w, 3) at times (n,)."""
+    return np.sum([a * np.cos(w * t) + b * np.sin(w * t) for w, a, b in waves.tolist()] or [0.0 * t], axis=0)
 
 
 def level(time: Array, normal_force: Array, name: str = "the log", cycles: int = 1) -> LoadSpline:

@@ -34,7 +34,6 @@ from identify.estimation.covariance import (
 )
 from identify.estimation.estimator import FINER_STEPS
 from identify.estimation.goodness_of_fit import stick_scatter
-from identify.estimation.influence import largest_inflation
 from identify.estimation.profile import CRITICAL
 from identify.logs.prepare import Prepared
 from identify.logs.recorded_drive import DISAGREES
@@ -158,14 +157,14 @@ def _effects(prepared: list[Prepared], findings: Findings, choice: Choice | None
 
 def _notes(scene: Scene, prepared: list[Prepared], findings: Findings) -> Iterator[str]:
     """All notes on how the result came about, in the order a reader needs them."""
-    sure = findings.sure
+    sure, attempt = findings.sure, findings.attempt
     if any(log.noise_estimated for log in prepared):
         yield "The noise was estimated from straight lines through the stick phases, not given."
     if findings.status is Status.CONVERGED:
         widest = float(np.sqrt(np.max(sure.allowed.inflation, initial=1.0))) if sure is not None else 1.0
-        if sure is not None and not all(c.white for c in sure.allowed.noise) and widest >= NOTABLE:
+        if attempt is not None and not all(c.white for c in attempt.noise) and widest >= NOTABLE:
             yield (
-                f"Residuals are autocorrelated (one sample in {max(c.inflation for c in sure.allowed.noise):.2g} is "
+                f"Residuals are autocorrelated (one sample in {max(c.inflation for c in attempt.noise):.2g} is "
                 f"new): standard errors are up to {widest:.2g} times those of white noise."
             )
         given = {e.name for e in findings.estimates} if findings.estimated is not None else set()
@@ -362,7 +361,7 @@ def _by_errors(findings: Findings, tolerances: Mapping[str, float]) -> dict[str,
     assert findings.information is not None and findings.attempt is not None
     information, unknowns, solved = findings.information, findings.unknowns, findings.attempt.solved
     values = unknowns.values(solved.theta, findings.attempt.fitted_logs[0].data.base)
-    inflation = largest_inflation(findings.attempt, findings.sure.allowed.noise) if findings.sure is not None else 1.0
+    inflation = findings.attempt.inflation
     of_rig = {name: share for name, share in tolerances.items() if name != "specimen"}
     out = {name: added_by_tolerances(information, values, {name: of_rig[name]}, inflation) for name in of_rig}
     out[ALL] = added_by_tolerances(information, values, of_rig, inflation)

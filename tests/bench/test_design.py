@@ -16,7 +16,6 @@ from identify.bench.plan import Choices, driven, plan
 from identify.cli import main as cli
 from identify.effects import MAIN
 from identify.estimation.covariance import inverse
-from identify.identification import find
 from identify.logs.log_data import LogData
 from identify.logs.unknowns import from_scene
 from identify.model.model import assemble
@@ -24,6 +23,7 @@ from identify.shooting.layout import BOUNDED_START_SD
 from identify.simulation.drive import Drive, NormalForce
 from identify.simulation.simulate import run
 from tests.support.fake_fit import fit_of_a_scene, with_verdicts
+from tests.support.finding import find
 
 ALL = ("mu_s", "mu_k0", "delta_mu_k", "a", "D", "t_cr")
 

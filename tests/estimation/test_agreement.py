@@ -12,8 +12,8 @@ from scipy.stats import chi2
 from experiments.study_problem import DEMO, NAMES, RIG
 from identify.base.result import Status
 from identify.estimation.influence import scores_of
-from identify.identification import find
 from identify.scene import Scene
+from tests.support.finding import find
 from tests.support.two_logs import drawn
 
 LOGS = ((1e-4, 12.0, 200.0), (1e-3, 2.0, 500.0), (5e-3, 0.8, 1000.0))  # drive speed [m/s], duration [s], rate [Hz]

@@ -17,9 +17,9 @@ from identify.base.result import Status
 from identify.effects import MAIN
 from identify.estimation.search import SearchProblem, search
 from identify.examples import FOLDER
-from identify.identification import find
 from identify.logs.scene_records import prepare_scene
 from tests.support.document_check import check_document, validator
+from tests.support.finding import find
 
 MIDDLE = (2, 3)  # the logs at 1 and 5 mm/s of the study's problem: soon fitted
 

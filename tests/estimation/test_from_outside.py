@@ -92,7 +92,7 @@ def moving_average(residual):
     return noise.ArModel(-((-share) ** np.arange(1, 25)), 1.0 / (1.0 + share**2), estimated=1)
 
 from data_io import Record
-from identify.estimation.influence import noise_of
+from dataclasses import replace
 from tests.support.two_logs import drawn, scene, searched
 
 random, logs = np.random.default_rng(3), []
@@ -100,9 +100,9 @@ for record in drawn(((1e-3, 4.0, 1000.0), (5e-3, 1.5, 2000.0)), noise=0.0):
     new = 2e-2 * random.standard_normal(record.time.size + 1)
     logs.append(Record(record.time, record.normal_force, record.friction_force + new[1:] + 0.8 * new[:-1]))
 attempt, _ = searched(scene(), logs)
-before = noise_of(attempt)
+before = attempt.noise
 noise.register(moving_average)
-for models in (before, noise_of(attempt), [noise.noise_model(random.standard_normal(5000))]):
+for models in (before, replace(attempt).noise, [noise.noise_model(random.standard_normal(5000))]):
     print(max(m.estimated or 0 for m in models), *(m.inflation for m in models))
 """
 

@@ -11,7 +11,7 @@ import pytest
 from identify.estimation.attempt import Attempt
 from identify.estimation.covariance import information_at
 from identify.estimation.influence import bootstrap, drawn_noise, influence
-from identify.estimation.residual_autocorrelation import WHITE, ArModel, autoregression
+from identify.estimation.residual_autocorrelation import ArModel, autoregression
 from identify.shooting.layout import COARSE_GRID
 from identify.shooting.passes import solve, solve_in_passes
 from identify.shooting.shooting import Problem
@@ -57,7 +57,7 @@ def test_replicates_spread_as_the_covariance_says():
     unknowns, solved, known = solved_of(((1e-3, 1.0, 1000.0),), ("mu_s", "mu_k0", "D"))
     size = np.sqrt(np.diag(known.covariances.sum(axis=0)))
     attempt = Attempt((0,), (), solved, SimpleNamespace(levels=np.ones(1)))
-    made = bootstrap(attempt, unknowns, [WHITE], size, 40, seed=1)
+    made = bootstrap(attempt, unknowns, size, 40, seed=1)
     assert np.all(made.settled) and made.replicates.shape == (40, 3)
     ratio = made.replicates.std(axis=0, ddof=1) / size
     assert np.all((ratio > 0.6) & (ratio < 1.45)), ratio  # 4 standard errors of a spread of 40

@@ -18,11 +18,11 @@ from identify.estimation.covariance import information_at
 from identify.estimation.estimator import tracing
 from identify.estimation.profile import CRITICAL, converged, profile
 from identify.examples import FOLDER
-from identify.identification import find
 from identify.logs.scene_records import with_records
 from identify.shooting.accuracy import DEFAULT_OPTIONS
 from identify.shooting.passes import solve
 from identify.shooting.shooting import shooting_problem
+from tests.support.finding import find
 from tests.support.two_logs import records, searched
 from tests.support.two_logs import scene as two_logs
 

@@ -9,10 +9,10 @@ import pytest
 
 from identify.base.result import Status
 from identify.effects import MAIN
-from identify.identification import find
 from identify.scene import Scene
 from identify.shooting.layout import kept_parameters
 from tests.support import shooting_case as case
+from tests.support.finding import find
 from tests.support.two_logs import drawn
 
 pytestmark = pytest.mark.usefixtures("no_predictions")

@@ -16,12 +16,12 @@ from identify import Scene, fit
 from identify.base.errors import SceneError
 from identify.base.result import Status
 from identify.effects import MAIN
-from identify.identification import find
 from identify.logs.segment import drive_force
 from identify.model.model import assemble
 from identify.shooting.blocks import SlideBlock, block
 from identify.simulation.simulate import run
 from tests.support import oracle
+from tests.support.finding import find
 
 SPEEDS = ((1e-4, 20.0, 500.0), (1e-3, 4.0, 1000.0), (5e-3, 1.5, 2000.0))  # [m/s], duration [s], rate [Hz]
 LOAD, NOISE = 1.0, 3e-3

@@ -9,10 +9,10 @@ import pytest
 from identify import Scene, examples
 from identify.estimation.covariance import added_by_tolerances, standard_deviations
 from identify.estimation.search import SearchProblem, search
-from identify.identification import find
 from identify.logs.scene_records import prepare_scene, with_drives, with_records
 from identify.report.result import _farther, result_of
 from tests.support.fake_fit import RIG
+from tests.support.finding import find
 
 pytestmark = pytest.mark.usefixtures("no_predictions")
 
