@@ -21,7 +21,7 @@ BINS = 2048  # means of samples that a course is fitted to: enough for the fines
 WORTH = 3.0  # what one more knot must gain in 2 ln(likelihood): more than Akaike's 2, so that noise stays out
 NEIGHBOURS = (3, 9, 27, 81)  # frequencies over which a spectrum is averaged: a pulse is a line, a jitter a band
 FALSE_ALARMS = 0.01  # lines per log that white noise alone may show
-FEWEST, EVEN = 64, 0.05  # samples, and share of an interval that intervals may differ, of a spectrum
+FEWEST_OF_SPECTRUM, EVEN = 64, 0.05  # samples, and share of an interval that intervals may differ, of a spectrum
 PER_PERIOD, MOST_DRAWN = 20, 60_000  # straight pieces per period of the fastest line, and of all of them
 WAVES, ROUNDS, PER_WAVE = 4, 4, 100  # sinusoids of a load at most, steps to a frequency, straight pieces per period
 ALIKE, UNLIKE = 6, 1.5  # cycles along a course that count as alike, at most, and times their lowest speed the highest
@@ -181,7 +181,7 @@ def smooth(time: Array, normal_force: Array, name: str = "the log", cycles: int 
     rest = f - best.at(t)
     step = float(np.median(np.diff(t)))
     lines, share, white = np.zeros(t.size), np.zeros(t.size), noise**2
-    if t.size >= FEWEST and float(np.max(np.abs(np.diff(t) - step))) <= EVEN * step:
+    if t.size >= FEWEST_OF_SPECTRUM and float(np.max(np.abs(np.diff(t) - step))) <= EVEN * step:
         lines = scipy.fft.dct(rest, norm="ortho")
         share, white = _share_of_lines(lines**2)
     fastest = int(np.max(np.flatnonzero(share), initial=0))

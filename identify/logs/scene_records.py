@@ -19,9 +19,11 @@ from data_io.drive import motion_of
 from data_io.quality import MOST_PAUSES
 from identify.base.errors import FitError
 from identify.base.wording import programme_text, speed_text
+from identify.logs.log_data import FEWEST_OF_SPECTRUM
 from identify.logs.noise import FEWEST_ROWS, SIGNIFICANT, running_means
 from identify.logs.prepare import PART, STROKE, Prepared, prepare
 from identify.logs.recorded_drive import drive_position, recorded_drive, with_drive_checked
+from identify.logs.segment import FEWEST
 from identify.logs.unknowns import Unknowns, from_scene
 from identify.logs.vibration import tuned
 from identify.scene import Scene
@@ -33,11 +35,10 @@ Array = NDArray[np.float64]
 Span = tuple[float, float]
 
 READ_BY = ("path", "step", "run", "columns", "units")  # what of an entry says which rows are read
-FEW = 8  # samples that two logs may share: windows that meet share those on their edge
 SAME_TIME = 1e-3  # of a step: what rounding makes of the clock of a copy
 SAME_NOISE = 0.4  # correlation of the noise of one measurement: a resampled copy holds half of it
 SAME_LEVEL = 0.1  # of the range of a force, by which its quantiles may differ in a copy
-SHORTEST, LONGEST = 64, 4096  # samples whose noise is looked for
+LONGEST = 4096  # samples whose noise is looked for at most
 BESIDE = 5  # samples beside a gap that show the force there
 SHARE = 0.15  # of the rise of a stick, by which the force may miss it after a gap
 
@@ -161,13 +162,13 @@ def refuse_counted_twice(entries: Sequence[LogEntry], records: Sequence[Record])
     for (i, one), (j, other) in combinations(enumerate(used), 2):
         names = f"log {i + 1} ({entries[i].path.name}) and log {j + 1} ({entries[j].path.name})"
         (time, force), (other_time, other_force), times = one, other, np.empty(0)
-        if min(time.size, other_time.size) > FEW:  # of one time: none where a single force of them differs
+        if min(time.size, other_time.size) > FEWEST:  # of one time: none where a single force of them differs
             near = SAME_TIME * float(np.median(thinned_steps(other_time)))
             after = np.clip(np.searchsorted(other_time, time), 1, other_time.size - 1)
             at = after - (time - other_time[after - 1] < other_time[after] - time)
             together = np.abs(other_time[at] - time) <= near
             times = time[together & ~np.any(other_force[at][together] != force[together])]
-        if times.size > FEW:
+        if times.size > FEWEST:
             raise FitError(
                 f"{names} hold the same {times.size} samples from {times[0]:.6g} to {times[-1]:.6g} s, which would "
                 "count twice; expected every sample once: remove one of the two logs, or give them windows that do not "
@@ -200,14 +201,14 @@ def noise_agreement(time: Array, force: Array, other_time: Array, other_force: A
     """
     levels = [np.quantile(thinned(np.abs(values)), (0.1, 0.3, 0.5, 0.7, 0.9)) for values in (force, other_force)]
     differ = np.any(np.abs(levels[0] - levels[1]) > SAME_LEVEL * np.ptp(levels))
-    if min(force.size, other_force.size) < 2 * SHORTEST or differ:
+    if min(force.size, other_force.size) < 2 * FEWEST_OF_SPECTRUM or differ:
         return 0.0, 0.0
     if np.median(thinned_steps(other_time)) < np.median(thinned_steps(time)):
         agree, shift = noise_agreement(other_time, other_force, time, force)
         return agree, -shift
     step = float(np.median(thinned_steps(other_time)))  # the coarser clock: the other record is looked for in this one
     length = min(LONGEST, other_force.size // 2, int((time[-1] - time[0]) / step) // 2)
-    if length < SHORTEST:
+    if length < FEWEST_OF_SPECTRUM:
         return 0.0, 0.0
     grid = other_time[(other_force.size - length) // 2] + step * np.arange(length)
     sought = _noise_alone(np.interp(grid, other_time, other_force))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from datetime import datetime
 from pathlib import Path
 
 import h5py
@@ -14,6 +15,7 @@ import pytest
 from data_io import LogError, Record, Step, read_log, write_csv, write_hdf5
 from data_io.clock import evened
 from data_io.quality import assess
+from data_io.text import read_date
 from identify.logs.classical import table_of
 from identify.logs.regime import look
 from tests.data_io.test_tables_as_people_keep_them import check, drawn, written
@@ -393,3 +395,16 @@ def test_steps_whose_clocks_restart_are_cut_on_the_joined_clock(tmp_path):
                 group.create_dataset(name, data=values).attrs["units"] = unit
     part = read_log(tmp_path / "a.h5", window=(9.5, 10.4))
     assert part.friction_force.tolist() == [195, 196, 197, 198, 199, 200, 201, 202, 203, 204]
+
+
+@pytest.mark.parametrize(("text", "expected"), [
+    ("12:21:58.029 12 May 2022", datetime(2022, 5, 12, 12, 21, 58, 29_000)),
+    ("05/12/22 14:43:46", datetime(2022, 5, 12, 14, 43, 46)),
+    ("14:43:46,5 2022/05/12", datetime(2022, 5, 12, 14, 43, 46, 500_000)),
+    ("Thu May 12, 2022 01:02:03 PM", datetime(2022, 5, 12, 13, 2, 3)),
+    ("12.05.2022 10:00:00", datetime(2022, 5, 12, 10)),
+    ("23:59:59", datetime(2000, 1, 1, 23, 59, 59)),
+    ("25/25/2022 10:10:10", None), ("12 May 2022", None),
+])  # fmt: skip
+def test_the_date_in_a_head_is_read_in_every_order(text: str, expected: datetime | None) -> None:
+    assert read_date(text) == expected
