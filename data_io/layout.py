@@ -397,41 +397,63 @@ class Above:
     units: Mapping[int, tuple[str, ...]] = field(default_factory=dict)
 
 
-class _Bytes:
-    """Bytes as a file that pandas reads. It is no binary file by type: pandas would decode its bytes, and encode them
-    again for the parser, which takes longer than parsing."""
+_NUMBERS: Final = b"0123456789+-.eE,;\t \n"
 
-    def __init__(self, raw: bytes) -> None:
-        self._raw, self._at = raw, 0
+
+class _Pieces:
+    """The lines of a text that hold nothing but numbers as a file that pandas reads: `end` is behind the last of them.
+
+    Pandas takes a piece at a time, which is looked at while it is in the cache. It is no binary file by type: pandas
+    would decode its bytes, and encode them again for the parser, which takes longer than parsing.
+    """
+
+    def __init__(self, data: Text, begin: int, stop: int, counted: str) -> None:
+        self._data, self.end, self._stop, self._counted = data, begin, stop, counted
+        self.delimiters, self.marks = 0, {b".": False, b",": False}
 
     def __iter__(self) -> Iterator[bytes]:
         return iter(())
 
     def read(self, size: int) -> bytes:
-        """Return the next of them: so many fit into the cache, where the parser is a fifth faster."""
-        piece = self._raw[self._at : self._at + size]
-        self._at += size
+        """Return the next whole lines, nothing where words begin."""
+        stop = self._data.rfind(b"\n", self.end, min(self.end + size, self._stop)) + 1
+        piece = self._data[self.end : max(stop, self.end)]
+        codes = np.frombuffer(piece, np.uint8)
+        # letters stand above the digits: faster than to look at every character; what else is no number (brackets,
+        # percent signs) pandas refuses, not a zero byte, a quote, a comment or another end of a line
+        clean = not any(mark in piece for mark in (b"\0", b'"', b"#", b"\r"))
+        if clean and codes.max(initial=0) > ord("9"):
+            clean = np.count_nonzero(codes > ord("9")) == sum(map(piece.count, (b";", b"e", b"E")))
+        if not clean:
+            piece = piece[: piece.rfind(b"\n", 0, piece.find(piece.translate(None, _NUMBERS)[:1])) + 1]
+            self._stop = self.end + len(piece)
+        self.end += len(piece)
+        self.marks = {mark: known or mark in piece for mark, known in self.marks.items()}
+        if self._counted:
+            self.delimiters += int(np.count_nonzero(codes[: len(piece)] == ord(self._counted)))
         return piece
 
 
-def read_block(raw: bytes, head: Head, decimal: str | None, wanted: Set[int] | None) -> Numbers | None:
-    """Read whole lines of pure numbers at the speed of pandas; None where a row is short, long or holds something else.
+def read_block(
+    data: Text, begin: int, stop: int, head: Head, decimal: str | None, wanted: Set[int] | None
+) -> tuple[Numbers | None, int]:
+    """Read the lines of pure numbers between two bytes at the speed of pandas; and return where they end. None where a
+    row is short, long or holds something else.
 
     decimal: the mark as far as the rows above tell; wanted: columns to read (None: all). Blanks in front of numbers
     need no option of pandas, which would cost a quarter of the time.
     """
     import pandas as pd
 
-    if decimal is None and head.delimiter != "," and b"," in raw:
-        return None
     names = len(head.header.names)
     use = None
     if wanted is not None and head.delimiter != BLANKS:
         # pandas would not notice a long row among chosen columns; the last one and the count of delimiters tell
         use = sorted({*(index for index in wanted if index < names), names - 1})
+    pieces = _Pieces(data, begin, stop, "" if use is None else head.delimiter)
     try:
         frame: pd.DataFrame = pd.read_csv(
-            cast(Any, _Bytes(raw)),
+            cast(Any, pieces),
             sep=head.delimiter,
             header=None,
             usecols=use,
@@ -439,23 +461,19 @@ def read_block(raw: bytes, head: Head, decimal: str | None, wanted: Set[int] | N
             decimal=decimal or ".",
             dtype=np.float64,
             na_filter=False,
-            low_memory=False,  # a block is parsed in one piece, a fifth faster
             quoting=csv.QUOTE_NONE,
             engine="c",
         )
     except (ValueError, OverflowError):
-        return None
+        return None, begin
     # by its own first row pandas tells how many fields there are
-    whole = (
-        frame.shape[1] == head.width
-        if use is None
-        else np.count_nonzero(np.frombuffer(raw, np.uint8) == ord(head.delimiter)) == (head.width - 1) * len(frame)
-    )
-    if not whole:
-        return None
+    whole = frame.shape[1] == head.width if use is None else pieces.delimiters == (head.width - 1) * len(frame)
+    if not whole or (decimal is None and head.delimiter != "," and pieces.marks[b","]):
+        return None, begin
     columns = {index: frame[index].to_numpy() for index in map(int, frame.columns) if index < names}
-    point = "." if head.delimiter != "," and b"." in raw else None
-    return Numbers(columns, len(frame), decimal=decimal or point, fields=head.width if len(frame) else None)
+    point = "." if head.delimiter != "," and pieces.marks[b"."] else None
+    fields = head.width if len(frame) else None
+    return Numbers(columns, len(frame), decimal=decimal or point, fields=fields), pieces.end
 
 
 def read_numbers(source: Source, block: str, first_line: int, head: Head, above: Above) -> Numbers:

@@ -39,7 +39,7 @@ from data_io.text import DELIMITERS, TEXT_LINE, Text, as_utf8, is_number_like, i
 from data_io.values import Finding, FloatArray
 
 BLOCK: Final = 1 << 22
-"""Bytes of numbers handed to pandas at once."""
+"""Bytes of rows with words among them that are taken at once, of numbers eight times as many."""
 _FIRST: Final = 1 << 18
 """Characters of rows with words among them that are taken at once; four times as many each time these go on."""
 LONGEST_LINE: Final = 1 << 20
@@ -50,7 +50,6 @@ _MOST_LOOKED_AT: Final = 20_000  # lines of words in a row in which a header is 
 _MOST_REMARKS: Final = 20
 _OPEN_CELL: Final = re.compile(r'(?:^|[,;\t])\s*"[^"]*$')
 """A quoted cell that begins behind a delimiter and does not end in its line."""
-_NUMBERS: Final = b"0123456789+-.eE,;\t \n"
 _YEARS_2000_TO_2100: Final = (9.5e8, 4.1e9)  # seconds since 1970
 _PARTS: Final = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}  # of a second
 
@@ -87,16 +86,22 @@ def read_tables(
     `never` is no header, whatever it names. block: bytes read at once. Raises `LogError` where there is no table.
     """
     data = source.text()
-    if not is_plain(data):
-        data = data[:]
-        if b"\0" in data and bytes(1 << 18) in data.rstrip(b"\0"):
-            raise source.error(
-                "the file holds long stretches of zero bytes; lines of text were expected; copy or export it again"
-            )
-        data = as_utf8(data)
-    walk = _Walk(source, request, _without_breaks(data), block)
-    walk.breaks, walk.never, walk.keep = breaks, never, keep
+    plain = len(data) > _MOST_WORDS and is_plain(data[:_MOST_WORDS])
+    walk = _Walk(source, request, _without_breaks(data if plain else _in_utf8(source, data)), block)
+    walk.breaks, walk.never, walk.keep, walk.unseen = breaks, never, keep, plain
     return walk.tables()
+
+
+def _in_utf8(source: Source, data: Text) -> Text:
+    """Return a whole text in UTF-8. Raises `LogError` where long stretches of it were never written."""
+    if is_plain(data):
+        return data
+    data = data[:]
+    if b"\0" in data and bytes(1 << 18) in data.rstrip(b"\0"):
+        raise source.error(
+            "the file holds long stretches of zero bytes; lines of text were expected; copy or export it again"
+        )
+    return as_utf8(data)
 
 
 def read_below(source: Source, request: Request, data: Text, head: Head) -> Table:
@@ -231,6 +236,7 @@ class _Walk:
         self.breaks: re.Pattern[str] | None = None
         self.never: re.Pattern[str] | None = None
         self.keep: Sequence[str] = ()
+        self.unseen = False  # whether something else than plain text may stand behind rows of numbers
         self._counted = (0, 1)
 
     def tables(self, known: Head | None = None) -> tuple[list[Table], tuple[str, ...]]:
@@ -251,6 +257,7 @@ class _Walk:
                 text = f"{len(rows)} line(s) of numbers above line {table.first_line} fit no header and were left out"
                 table.remarks.append(Finding("rows_left_out", "warning", text))
             above = self._read(table, head.start) if head.width else head.start
+            self._see(above)
             tables.append(table.close())
             upcoming = self._next_head(above, first=False)
         if not tables:
@@ -261,6 +268,11 @@ class _Walk:
             remarks = (*tables[-1].remarks, Finding("rows_left_out", "warning", text))
             tables[-1] = replace(tables[-1], remarks=remarks)
         return tables, footer
+
+    def _see(self, reached: int) -> None:
+        """Bring a text into UTF-8 where rows of numbers, and so plain text, end before it does."""
+        if self.unseen and reached < len(self.data):
+            self.data, self.unseen = _in_utf8(self.source, self.data), False
 
     def _next_head(self, position: int, *, first: bool) -> tuple[int, Head] | None:
         """Return where the words above the next table end, and its head; None where there is none."""
@@ -291,6 +303,7 @@ class _Walk:
         while begin < len(self.data):
             reached = self._read_numbers_only(table, begin)
             size = min(_FIRST, 4 * self.block) if reached > begin else min(4 * size, 4 * self.block)
+            self._see(reached)
             if reached == len(self.data):
                 return reached
             end = self.data.find(b"\n", reached + size) + 1 or len(self.data)
@@ -307,23 +320,14 @@ class _Walk:
 
     def _read_numbers_only(self, table: _OpenTable, begin: int) -> int:
         """Read blocks of whole lines that hold nothing but numbers; return where others begin."""
-        clean = True
-        while clean and (stop := self.data.rfind(b"\n", begin, begin + self.block) + 1) > begin:
-            raw = self.data[begin:stop]
-            # letters stand above the digits: faster than to look at every character; what else is no number
-            # (brackets, percent signs) pandas refuses, not a zero byte, a quote or a comment
-            codes = np.frombuffer(raw, dtype=np.uint8)
-            clean = not any(mark in raw for mark in (b"\0", b'"', b"#"))
-            if clean and codes.max() > ord("9"):
-                clean = np.count_nonzero(codes > ord("9")) == sum(map(raw.count, (b";", b"e", b"E")))
-            if not clean:
-                raw = raw[: raw.rfind(b"\n", 0, raw.find(raw.translate(None, _NUMBERS)[:1])) + 1]
-                stop = begin + len(raw)
-            numbers = read_block(raw, table.head, table.above.decimal, table.wanted) if raw else None
+        while begin < len(self.data):
+            stop = begin + 8 * self.block
+            numbers, end = read_block(self.data, begin, stop, table.head, table.above.decimal, table.wanted)
             if numbers is None:
                 break
-            begin, left = stop, len(self.data) - stop
-            table.add(numbers, expected=numbers.rows * left // len(raw) * 51 // 50 + 9)
+            expected = numbers.rows * (len(self.data) - end) // max(end - begin, 1) * 51 // 50 + 9
+            begin = end
+            table.add(numbers, expected)
             self.request.progress(begin / len(self.data))
         return begin
 

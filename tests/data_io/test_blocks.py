@@ -81,3 +81,17 @@ def test_points_above_tell_that_a_comma_below_is_no_decimal_mark(tmp_path, lines
     (table,), _ = read_tables(load(path), Request(), block=100)
     assert np.flatnonzero(np.isnan(table.columns[2])).tolist() == [place]
     assert "text_in_rows" in {finding.code for finding in table.remarks}
+
+
+@pytest.mark.parametrize(
+    ("late", "rows"),
+    [(b"1000,2.0,0.8\r\n1001,2.0,0.8\r1002,2.0,0.9\n", 3), (b"pause of 5 \xb5s\n1000,2.0,0.8\n", 1),
+     (b"1000,2.0,1'000.5\n1001,2.0,0.8\n", 2), (b"1000,2.0,\xe2\x88\x920.8\n1001,2.0,0.8\n", 2), (bytes(500), 0)],
+)  # fmt: skip
+def test_what_is_no_plain_text_far_below_is_read_as_near_the_top(tmp_path, lines, late, rows):
+    """A letter beyond ASCII above the header has all of the text brought into UTF-8 at once."""
+    found = []
+    for above in (b"# um\n", "# µm\n".encode()):
+        (tmp_path / "log.csv").write_bytes(above + HEADER + b"".join(lines) * 6 + late)
+        found.append(told(tmp_path / "log.csv", None, 1 << 16))
+    assert found[0] == found[1] and len(np.frombuffer(found[0][0][0][2])) == 6 * ROWS + rows
