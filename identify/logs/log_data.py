@@ -211,7 +211,7 @@ def _sinusoids(t: Array, f: Array, noise: float) -> Array:
     cubic: one after the other from the highest line of the spectrum of what is left, all of them by Gauss-Newton; each
     against what is left of the lines next to it (D. J. Thomson, Proc. IEEE 70, 1055, 1982), as a band has them too."""
     step, size, found = float(np.median(np.diff(t))), t.size, np.empty((0, 3))
-    if size < FEWEST or float(np.max(np.abs(np.diff(t) - step))) > EVEN * step:
+    if size < FEWEST_OF_SPECTRUM or float(np.max(np.abs(np.diff(t) - step))) > EVEN * step:
         return found
     padded, window, at = scipy.fft.next_fast_len(4 * size), np.hanning(size), np.linspace(-1.0, 1.0, size)
     first, cubic = 2 * padded // size, np.vander(at, 4)  # of slower ones than two periods the spline takes care
