@@ -17,6 +17,7 @@ from identify.base.document import to_document
 from identify.base.errors import FitError
 from identify.base.result import CYCLE_COLUMNS, LogCurves, Result, Status
 from identify.base.wording import quantity as quantity_text
+from identify.prediction.axes import Site
 from identify.prediction.draws import Draws
 from identify.prediction.predict import PointPrediction, predict
 from identify.prediction.sources import Tested, pair_of, scenes_at, site_of
@@ -336,19 +337,17 @@ class Fit(Spelled):
         axes: Axes | None,
     ) -> Axes:
         """A law of a log's pair over `over` of its values, with the 95 % band of draws of the parameters (n, 1)."""
-        scene = self.scene(log)
-        if effect not in scene.effects:
-            have = ", ".join(scene.effects)
+        site = self._site(log)
+        if effect not in site.model.effects:
+            have = ", ".join(site.model.effects)
             raise FitError(f"this fit has no {effect}, whose law the figure shows; its effects are {have}")
-        values, pair = scene.values(), pair_of(self.typed, log - 1)
-        x = over(values)
+        x, draws = over(site.values), Draws.of(site)
         with axes_of(axes) as on:
-            draws = Draws.of(replace(site_of(scene), covariance=pair.covariance, names=pair.names))
             if draws.count:
-                columns = {n: draws.column(n)[1 : 1 + draws.count, None] for n in scene.model.parameter_names}
+                columns = {n: draws.column(n)[1 : 1 + draws.count, None] for n in site.model.parameter_names}
                 band = np.quantile(law(columns, x), QUANTILES, axis=0)
                 on.fill_between(x, *band, color=FITTED, alpha=0.25, linewidth=0)
-            on.plot(x, law({name: np.asarray(value) for name, value in values.items()}, x), color=FITTED)
+            on.plot(x, law({name: np.asarray(value) for name, value in site.values.items()}, x), color=FITTED)
             on.set_xscale("log")
             on.xaxis.set_major_formatter("{x:g}")  # the style of the report takes no formulas
         return on
@@ -366,12 +365,15 @@ class Fit(Spelled):
         Raises:
             FitError: the fit has no values. SimulationError: no answer there.
         """
-        scene = self.scene(log)
-        site, pair = site_of(scene), pair_of(self.typed, log - 1)
+        site = self._site(log)
         speed = site.drive_speed if drive_speed is None else quantity(drive_speed, "m/s", "drive_speed")
         load = site.normal_force if normal_force is None else quantity(normal_force, "N", "normal_force")
-        here = replace(site, drive_speed=speed, normal_force=load, covariance=pair.covariance, names=pair.names)
-        return predict(here)
+        return predict(replace(site, drive_speed=speed, normal_force=load))
+
+    def _site(self, log: int) -> Site:
+        """The operating point of a log, with how well its pair is known; errors as `scene`."""
+        site, pair = site_of(self.scene(log)), pair_of(self.typed, log - 1)
+        return replace(site, covariance=pair.covariance, names=pair.names)
 
     @spelled
     def simulate(
