@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from identify.base import result as schema
 from identify.base import wording
-from identify.base.document import Json, finite
+from identify.base.document import Json, finite, from_document
 from identify.base.result import LogResult, ParameterResult, Result
 from identify.base.table import Cell, OutputTable, Row
 from identify.base.wording import DASH, Scale, decimals, interval_text, number, quantity, scale_for, value_and_interval
@@ -255,14 +255,13 @@ def answer_table(columns: Sequence[tuple[str, LogResult]]) -> OutputTable:
     and how far it may be trusted."""
     rows: list[Row] = []
     for part, key in (("amplitude", "drop"), ("amplitude", "period"), ("stability", "critical_speed")):
-        entries = [_of(_of(log.derived, part), key) for _, log in columns]
-        known = sorted(abs(value) for entry in entries if (value := finite(entry.get("value"))) is not None)
-        scale = scale_for(
-            known[len(known) // 2] if known else None, str(next(filter(None, entries), {}).get("unit", ""))
-        )
-        if any(entries):
+        numbers = [from_document(schema.Number, _of(_of(log.derived, part), key)) for _, log in columns]
+        known = sorted(abs(entry.value) for entry in numbers if entry.value is not None)
+        unit = next((entry.unit for entry in numbers if entry.unit), "")
+        scale = scale_for(known[len(known) // 2] if known else None, unit)
+        if any(entry != schema.Number() for entry in numbers):
             head = Cell(report_wording.ANSWER_WORDS.get(key, key), note=scale.unit)
-            rows.append((head, *(_answer(entry, scale) for entry in entries)))
+            rows.append((head, *(_answer(entry, scale) for entry in numbers)))
     return OutputTable("", ("", *(head for head, _ in columns)), tuple(rows))
 
 
@@ -271,10 +270,8 @@ def _of(entries: Mapping[str, Json], key: str) -> Mapping[str, Json]:
     return entry if isinstance(entry := entries.get(key), Mapping) else {}
 
 
-def _answer(entry: Mapping[str, Json], scale: Scale) -> Cell:
-    shown, ends = finite(entry.get("value")), entry.get("interval")
-    low, high = map(finite, ends) if isinstance(ends, Sequence) else (None, None)
-    text, interval = value_and_interval(shown, (None, None) if shown is None else (low, high), scale)
-    doubt = validity if "not valid" in (validity := str(entry.get("validity") or "")) else ""
-    notes = filter(None, (interval, doubt, str(entry.get("reason") or "")))
+def _answer(entry: schema.Number, scale: Scale) -> Cell:
+    text, interval = value_and_interval(entry.value, (None, None) if entry.value is None else entry.ends, scale)
+    doubt = entry.validity if "not valid" in entry.validity else ""
+    notes = filter(None, (interval, doubt, entry.reason))
     return Cell(text, note=" · ".join(notes), kind="doubt" if doubt else "")
