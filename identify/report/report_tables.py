@@ -139,12 +139,8 @@ def effects_table(reasons: Sequence[schema.EffectReason]) -> OutputTable:
     return OutputTable("Effects: which and why", heads, tuple(rows)).filled()
 
 
-def _cell(value: object, digits: int = 3) -> Cell:
-    """Anything of a document as a cell: numbers with so many digits."""
-    shown = finite(value)
-    if shown is not None:
-        return Cell(shown, number(shown, digits))
-    return Cell("yes" if value else "no") if isinstance(value, bool) else Cell(None if value is None else str(value))
+def _cell(value: float | None) -> Cell:
+    return Cell(value, number(value, 3))
 
 
 def sensitivity_table(result: Result) -> OutputTable:
