@@ -11,7 +11,7 @@ FOLDER = Path(__file__).resolve().parent.parent / "experiments"
 WINDOWS = FOLDER / "run_window_study.py"  # run by tests/prediction/test_windows.py
 FUZZ = FOLDER / "run_reader_fuzz.py"  # by tests/data_io/test_formats.py
 # What these time, draw or recover is tested where it stands or in the acceptance table; they take 3 s and more.
-LONG = ("batch_faults", "fit_speed", "hostile_inputs", "skew_study", "work_precision")
+LONG = ("batch_faults", "hostile_inputs", "skew_study", "work_precision")
 SLOW = [FOLDER / f"run_{name}.py" for name in LONG]
 SCRIPTS = sorted(set(FOLDER.glob("run_*.py")) - {WINDOWS, FUZZ, *SLOW})
 
