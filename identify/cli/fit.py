@@ -196,7 +196,7 @@ def verify(arguments: Namespace, terminal: Terminal) -> Answer:
     differences = compare(stored, again)
     within = f"every value that has a standard error within {ALLOWED} of it, and the same verdicts"
     for words in differences or [f"reproduced: {stored.status}; {within}"]:
-        terminal.say(words)
+        terminal.say(wrapped(words))
     status = "differs" if differences else "reproduced"
     return Answer.of(not differences, {"status": status, "differences": differences})
 

@@ -101,7 +101,7 @@ def simulate(arguments: Namespace, terminal: Terminal) -> Answer:
             text = f"switch times {errors['switches']:.1g} of a cycle, forces {errors['forces']:.1g}"
             text += ": as near as numbers get" if max(errors.values()) > wanted else ""
         methods = ", ".join(motion.methods) or "no slip"
-        terminal.say(f"accuracy {wanted:.2g}; estimated errors: {text}; {methods}")
+        terminal.say(wrapped(f"accuracy {wanted:.2g}; estimated errors: {text}; {methods}"))
         if arguments.verbose:
             spent = cost(scene, motion, took)
             terminal.say(wrapped(spent.text, ""))
