@@ -132,8 +132,9 @@ def plan(arguments: Namespace, terminal: Terminal) -> Answer:
         holds=not arguments.no_holds,
     )
     source, existing = "", None
-    if arguments.source.lower().endswith(".json"):
-        result = read_result(Path(arguments.source))
+    given = Path(arguments.source)
+    if given.suffix.lower() == ".json" or given.is_dir():
+        result = read_result(given)
         if not result.converged:
             raise CommandLineError(
                 f"{arguments.source} has no identified pair ({result.message}); plan from the scene instead"
