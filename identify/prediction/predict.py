@@ -226,7 +226,7 @@ def ends_of(asked: Sequence[tuple[Draws, SpeedRange, bool]]) -> list[Array]:
     def at(rows: NDArray[np.intp], logarithms: Array) -> Array:
         return np.column_stack([settings[rows, :-1], np.exp(logarithms)])
 
-    test = StickTest(model, at, np.repeat(states, counts, axis=0), np.repeat(scale, counts, axis=0), rested=True)
+    test = StickTest(model, at, np.repeat(states / scale, counts, axis=0))
     expected, ahead = np.repeat(speeds, counts), np.repeat(np.where(uppers, 1.0, -1.0), counts)
     ends, firsts = locate(test, expected, ahead, ROUGH), np.cumsum([0, *counts[:-1]])
     lost = np.flatnonzero(np.isnan(ends))

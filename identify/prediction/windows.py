@@ -41,12 +41,11 @@ SLOWEST, FASTEST = 1e-2, 30.0  # range searched, over the slowest and the typica
 @dataclass(frozen=True)
 class Border:
     """Where along edges between nodes something ends: numbers of both nodes (k, 2), the one that has it first; places
-    (k, d) of the end; rest states (k, n_y) of stick-slip beside it, and the typical ones there; none of sliding."""
+    (k, d) of the end; rest states (k, n_y) of stick-slip beside it, none of sliding."""
 
     nodes: Rows
     places: Array
     y: Array
-    scale: Array
 
 
 @dataclass(frozen=True)
@@ -86,14 +85,14 @@ class Survey:
         """Where stick-slip ends, its brackets halved so many times."""
         nodes, at = self._edges(self.motions.sticks)
         scale = self.batch.scale[nodes[:, 0]]
-        test = StickTest(self.model, at, self.motions.y[nodes[:, 0]], scale)
-        return Border(nodes, self._closed_in(test, nodes, rounds), test.shares * scale, scale)
+        test = StickTest(self.model, at, self.motions.y[nodes[:, 0]] / scale)
+        return Border(nodes, self._closed_in(test, nodes, rounds), test.shares * scale)
 
     def losses(self) -> Border:
         """Where steady sliding becomes unstable."""
         nodes, at = self._edges(self.batch.growth >= 0.0)
         places = self._closed_in(lambda *edge: growth_rates(self.model, at(*edge)) >= 0.0, nodes, CLOSEST)
-        return Border(nodes, places, np.empty(0), np.empty(0))
+        return Border(nodes, places, np.empty(0))
 
     def _edges(self, has: Bools) -> tuple[Rows, At]:
         """Edges (k, 2) of which the first node has something and the other has not, and the settings along them."""
@@ -114,16 +113,15 @@ class Survey:
 
 
 class StickTest:
-    """Whether rows stick and slip at places along a coordinate, each from where it stuck last.
+    """Whether rows stick and slip at places along a coordinate, each from where it stuck last, and until it has stuck
+    from a rested contact too.
 
     Args:
-        y (n, n_y), scale (n, n_y): rest states of stick-slip at the start, and the typical ones there. rested: whether
-            a rested contact is tried too, until a row has stuck.
+        shares (n, n_y): rest states of stick-slip at the start, over the typical ones there.
     """
 
-    def __init__(self, model: Model, at: At, y: Array, scale: Array, *, rested: bool = False) -> None:
-        self._model, self._at, self._strange = model, at, np.full(len(y), rested)
-        self.shares = y / scale
+    def __init__(self, model: Model, at: At, shares: Array) -> None:
+        self._model, self._at, self.shares, self._strange = model, at, shares.copy(), np.full(len(shares), True)
 
     def __call__(self, rows: Rows, places: Array) -> Bools:
         """Whether rows (k,) do at their places (k,)."""
