@@ -110,11 +110,11 @@ def _first_in(function: Function, t: Array, v: Array) -> float | None:
         value = lambda part, low=low: float(function(np.array([low + part]))[0])  # noqa: E731
         lowest = scipy.optimize.minimize_scalar(value, bounds=(0.0, span), options={"xatol": 0.0})
         if lowest.fun <= 0.0:
-            return zero_between(function, low, low + float(lowest.x))
-    return zero_between(function, t[last - 1], t[last]) if fallen.size else None
+            return _refined(function, low, low + float(lowest.x))
+    return _refined(function, t[last - 1], t[last]) if fallen.size else None
 
 
-def zero_between(function: Function, low: float, high: float) -> float:
+def _refined(function: Function, low: float, high: float) -> float:
     """The zero between a time where the function is positive and one where it is not, to the last digits."""
 
     def value(t: float) -> float:

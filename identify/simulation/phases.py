@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from identify.base.compiled import Compiled, Mapped
 from identify.base.errors import SimulationError
-from identify.base.roots import first_zero, zero_between
+from identify.base.roots import first_zero
 from identify.model.model import ELONGATION, INPUTS, SPEED, TIME, Model
 from identify.simulation.drive import Drive, NormalForce, breaks
 from identify.simulation.plan import Scales, Stepping, swing
@@ -130,22 +130,22 @@ class Resting:
         if margin <= 0.0:
             return Stick("stick", situated.time, situated, np.zeros(1), x[None], "speed", force)
         onset = None
-
-        def margins(times: Array) -> Array:
-            return self._at(float(times[0]))[:1] if times.size == 1 else self._at_times(self._margins, times)
-
         if limit > 0.0:
             np.multiply(_SHARES, limit, out=self._at_shares)
             if self.model.vibrates or self._curvature()[0] > 0.0:
                 # Looked at finely only where what oscillates may take the margin to zero.
                 period, swung = swing(self.model, situated.p)
 
+                def margins(times: Array) -> Array:
+                    return self._at(float(times[0]))[:1] if times.size == 1 else self._at_times(self._margins, times)
+
                 def least(times: Array) -> Array:
                     return self._at_times(self._calm, times) - (1.0 + 1e-12) * swung  # force of what oscillates
 
                 onset = first_zero(margins, limit, period, least)
             elif self._at(limit)[0] <= 0.0:
-                onset = zero_between(margins, 0.0, limit)
+                precision = {"xtol": 1e-16 * limit, "rtol": 1e-15}
+                onset = float(scipy.optimize.brentq(lambda t: float(self._at(t)[0]), 0.0, limit, **precision))
         until, ended_by = (limit, None) if onset is None else (onset, GUARDS[0])
         row, nodes = self._at(until), 2 if until > 0.0 else 1
         t, states = np.array([0.0, until][:nodes]), np.array([x, row[3:]][:nodes])
