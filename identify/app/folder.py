@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
@@ -147,15 +146,6 @@ class Folder:
                 continue
             elif inside.is_relative_to(self.root) and inside.is_file():
                 yield "logs", path
-
-
-def read_json(path: Path) -> Document | None:
-    """A JSON object that is whole; None where there is none, or it is half written."""
-    try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
-        return None
-    return document if isinstance(document, dict) else None
 
 
 def mapping(value: object) -> Mapping[str, object]:

@@ -23,7 +23,8 @@ from glob import escape
 from pathlib import Path
 
 from data_io.atomic import atomic_write
-from identify.app.folder import Document, Folder, PageError, read_json
+from identify.app.folder import Document, Folder, PageError
+from identify.base.document import read_json
 
 PACKAGE = str(Path(__file__).resolve().parents[2])
 GRACE = 1.6  # seconds in which a cancelled job may end by itself; the command line takes one

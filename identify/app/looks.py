@@ -18,10 +18,10 @@ from pathlib import Path
 
 from data_io.atomic import atomic_write
 from data_io.record import within
-from identify.app.folder import Document, Folder, read_json
+from identify.app.folder import Document, Folder
 from identify.app.jobs import same_code
 from identify.app.results import as_shown
-from identify.base.document import Json, to_dict
+from identify.base.document import Json, read_json, to_dict
 from identify.base.wording import quantity, speed_text
 from identify.logs.classical import table_of
 from identify.logs.prepare import Segmented

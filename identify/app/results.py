@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from starlette.responses import Response
 
 from identify.app.curves import MOST_POINTS
-from identify.app.folder import Document, Folder, PageError, PageQuery, mapping, read_json
+from identify.app.folder import Document, Folder, PageError, PageQuery, mapping
 from identify.app.simulations import ONE_AT_A_TIME
-from identify.base.document import to_dict
+from identify.base.document import read_json, to_dict
 from identify.base.errors import IdentifyError
 from identify.base.result import Result
 from identify.base.table import OutputTable

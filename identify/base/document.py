@@ -8,9 +8,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, Field, fields, is_dataclass
 from enum import Enum
 from functools import cache
-from pathlib import PurePath
+from pathlib import Path, PurePath
 from types import MappingProxyType, NoneType, UnionType
-from typing import TYPE_CHECKING, Literal, TypeAlias, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 from identify.base.errors import DocumentError
 
@@ -25,6 +25,8 @@ T = TypeVar("T")
 OMITTED = MappingProxyType({"omitted": True})
 FURTHER = MappingProxyType({"further": True})
 JSON_TYPES = {str: "string", bool: "boolean", int: "integer", float: "number", NoneType: "null"}
+# What stands in the folder of a result, the document first.
+RESULT_FILES = ("result.json", "report.html", "result.h5", "classical.csv", "parameters.tex", "figures")
 EXPECTED = {str: "text", bool: "true or false", int: "a whole number", float: "a number"}
 
 
@@ -70,6 +72,15 @@ def to_dict(value: object) -> dict[str, Json]:
         elif not ("omitted" in field.metadata and item == field.default):
             out[field.metadata.get("key", field.name)] = to_document(item)
     return out
+
+
+def read_json(path: Path) -> dict[str, Any] | None:
+    """A JSON object that is whole; None where there is none, or it is half written."""
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return None
+    return document if isinstance(document, dict) else None
 
 
 def as_json(document: object) -> str:

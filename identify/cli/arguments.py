@@ -4,7 +4,6 @@ of one sentence where that cannot be."""
 from __future__ import annotations
 
 import itertools
-import json
 import os
 import tempfile
 from argparse import Namespace
@@ -14,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from data_io import Record, read_log
+from identify.base.document import RESULT_FILES, read_json
 from identify.cli.common import CommandLineError, Terminal
 from identify.cli.interrupt import check_interrupted, unfinished
 from identify.scene.tables import POSITIVE, Key, check, quantity
@@ -108,10 +108,7 @@ def new_file(path: str, holding: str, endings: Sequence[str] = ()) -> Path:
 # The output folder: replaced only if it holds a result of ours, and never left half-written.
 
 # The names of everything that a folder of ours holds; the first is the document of it.
-RESULT = (
-    *("result.json", "report.html", "result.h5", "figures", "classical.csv", "parameters.tex", "scene.toml"),
-    *("at_50_Hz", "uneven", ".DS_Store"),
-)
+RESULT = (*RESULT_FILES, "scene.toml", ".DS_Store")
 COMPARISON = (
     *("comparison.json", "report.html", "comparison.xlsx", "comparison.tex", "comparison.h5", "tables", ".DS_Store"),
 )
@@ -132,12 +129,7 @@ def check_replaceable(out: Path, names: tuple[str, ...] = RESULT) -> None:
         raise CommandLineError(f"--out {out}: nothing may be written in {place}; choose another folder") from None
     inside = sorted(item.name for item in out.iterdir()) if out.is_dir() else []
     foreign = [name for name in inside if name not in names]
-    try:
-        document = json.loads((out / names[0]).read_text(encoding="utf-8")) if inside else {}
-        ours = not inside or (isinstance(document, dict) and "schema" in document and "status" in document)
-    except (OSError, ValueError, RecursionError):
-        ours = False
-    if not ours:
+    if inside and not {"schema", "status"} <= set(read_json(out / names[0]) or ()):
         raise CommandLineError(f"--out {out} exists and holds no result of ours; choose another folder or empty it")
     if foreign:
         raise CommandLineError(

@@ -23,7 +23,6 @@ from identify.scene.tables import quantity
 
 KNOWN = {"mass": "kg", "stiffness": "N/m"}
 SPEED_TOLERANCE, MASS_TOLERANCE = 0.01, 0.005  # of drive speeds and of added masses, relative
-BUDGET = 900.0  # seconds of all planned logs together
 
 
 def rig(arguments: Namespace, terminal: Terminal) -> Answer:
@@ -128,7 +127,7 @@ def plan(arguments: Namespace, terminal: Terminal) -> Answer:
         stiffnesses=positives(arguments.stiffness, "N/m", "--stiffness"),
         fastest=positive(arguments.fastest, "Hz", "--fastest") or float("inf"),
         targets=listed(getattr(arguments, "for")),
-        budget=positive(arguments.budget, "s", "--budget") or BUDGET,
+        budget=positive(arguments.budget, "s", "--budget") or Choices.budget,
         holds=not arguments.no_holds,
     )
     source, existing = "", None

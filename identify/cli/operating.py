@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from data_io.spelling import nearest
 from identify.base.document import Json, to_dict
@@ -29,7 +28,6 @@ from identify.scene import LogEntry, Scene
 from identify.scene.tables import NOT_NEGATIVE, POSITIVE, Key, check, quantity
 from identify.scene.values import EACH_LOG
 
-Array = NDArray[np.float64]
 POINT = {"drive_speed": Key("m/s", sign=NOT_NEGATIVE), "normal_force": Key("N", sign=POSITIVE)}
 GRID, LINE = 60, 120  # nodes of a map along each of two quantities, and along one
 

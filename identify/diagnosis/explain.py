@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from data_io import Record
 from identify.base.budget import now, seconds_left
@@ -36,8 +35,6 @@ from identify.logs.unknowns import Unknowns, stated_rig
 from identify.model.model import RIG_PARAMETERS
 from identify.scene import Scene
 from identify.shooting.shooting import shooting_problem
-
-Array = NDArray[np.float64]
 
 MISFITS = (Status.MODEL_MISFIT, Status.WRONG_EVENT_COUNT, Status.SOLVER_FAILED)
 CLEAR = 16.0  # fall of chi^2 that noise does not reach

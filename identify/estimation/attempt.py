@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from identify.base.budget import stage, time_is_up
 from identify.base.result import Status
@@ -20,7 +19,6 @@ from identify.shooting.passes import Solved, solve_in_passes
 from identify.shooting.placing import follow, glide, place
 from identify.shooting.shooting_trajectory import ShootingTrajectory, turned_back
 
-Array = NDArray[np.float64]
 PlacedLog = tuple[int, Prepared, ShootingTrajectory]  # number of a log, the log as it is cut, the motion placed on it
 
 OBEYS = 1e-7  # largest row of a motion that obeys the model: its misfit counts, though the solver stalled

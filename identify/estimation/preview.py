@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from data_io import Record
 from identify.base.errors import FitError
@@ -20,8 +19,6 @@ from identify.logs.unknowns import user_start
 from identify.scene import Scene
 from identify.shooting.layout import COARSE_GRID
 from identify.shooting.shooting import shooting_problem
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -100,7 +100,7 @@ class ForceOscillation:
 @dataclass(frozen=True)
 class Verdict:
     """regime, None where nothing moves (a first loading, a drive at rest); confidence, 0.5 to 1; evidence: what was
-    tested, in sentences; found: the phases that go with it; rhythm of what slides, None without one; strokes: of how
+    tested, in sentences; phases: those that go with it; rhythm of what slides, None without one; strokes: of how
     many it is the verdict, to and fro."""
 
     regime: Regime | None
@@ -427,7 +427,7 @@ def look(
     Args:
         drive: [m/s], a programme ((start [s], speed), ...), or None where unknown.
         known: of the rig; its drive speed is that of each stroke.
-        found: the phases of the whole record where they are known; used where it is one stroke.
+        phases: of the whole record where they are known; used where it is one stroke.
     """
     parts, verdicts = strokes(record, drive), []
     for stroke in parts:

@@ -25,6 +25,7 @@ from pathlib import Path
 from typing import Any
 
 from data_io.atomic import atomic_write
+from identify.base.document import RESULT_FILES, read_json
 from identify.base.errors import IdentifyError
 
 Document = dict[str, Any]
@@ -165,7 +166,7 @@ def content_key(scene: Document, sha256: Sequence[str], version: str) -> str:
 
 JOB, RESULT, BATCH, INDEX, LOCK = "job.json", "result.json", "batch.json", "index.csv", ".lock"
 PART = ".part"
-OURS = frozenset({JOB, RESULT, "report.html", "result.h5", "classical.csv", "parameters.tex", "figures", ".DS_Store"})
+OURS = frozenset({JOB, *RESULT_FILES, ".DS_Store"})
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO)
 
 
@@ -176,13 +177,13 @@ def new_part(folder: Path) -> Path:
 
 def complete(folder: Path) -> Document | None:
     """The document of a folder of a group, None where anything of it is missing or was cut off."""
+    document = read_json(folder / JOB)
+    if document is None or not {"group", "key", "status", "files"} <= set(document):
+        return None
     try:
-        document = json.loads((folder / JOB).read_text(encoding="utf-8"))
-        if not isinstance(document, dict) or not {"group", "key", "status", "files"} <= set(document):
-            return None
         sizes = {name: (folder / name).stat().st_size for name in document["files"]}
         whole = sizes == document["files"] and document.get("result_sha256") == _result_sha256(folder)
-    except (OSError, ValueError, TypeError, RecursionError):
+    except (OSError, TypeError, ValueError):
         return None
     return document if whole else None
 

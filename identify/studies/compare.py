@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from identify.base.document import read_json
 from identify.base.errors import DocumentError, IdentifyError
 from identify.base.quantiles import NORMAL
 from identify.base.result import LogResult, ParameterResult, Result
@@ -81,7 +82,7 @@ def read_fits(folders: Iterable[str | Path]) -> tuple[FitEntry, ...]:
     """
     entries: dict[str, FitEntry] = {}
     for folder in map(Path, folders):
-        groups = _document(folder / BATCH).get("groups")
+        groups = (read_json(folder / BATCH) or {}).get("groups")
         if (folder / RESULT).is_file():
             fits = [_read(folder, folder.name or str(folder), {})]
         elif isinstance(groups, list) and groups:
@@ -95,15 +96,6 @@ def read_fits(folders: Iterable[str | Path]) -> tuple[FitEntry, ...]:
     return tuple(sorted(entries.values(), key=lambda entry: natural(entry.name)))
 
 
-def _document(path: Path) -> Mapping[str, object]:
-    """A JSON file of ours; empty where it cannot be read."""
-    try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
-        return {}
-    return document if isinstance(document, Mapping) else {}
-
-
 def _group(folder: Path, group: Mapping[str, object]) -> FitEntry:
     """One group of a batch: its result where there is one, else the reason why there is none."""
     name, stated = str(group.get("group") or "?"), group.get("labels")
@@ -111,7 +103,7 @@ def _group(folder: Path, group: Mapping[str, object]) -> FitEntry:
     place = folder / str(group.get("folder") or name)
     if (place / RESULT).is_file():
         return _read(place, name, labels)
-    job = _document(place / JOB)
+    job = read_json(place / JOB) or {}
     status = str(job.get("status") or group.get("status") or UNREADABLE)
     if status == CONVERGED:  # its result was taken away
         return FitEntry(name, place, UNREADABLE, f"{RESULT} is missing", labels)

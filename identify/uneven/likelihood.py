@@ -45,13 +45,12 @@ class Nodes:
 @dataclass(frozen=True)
 class Cycles:
     """Per cycle, each (c,): log_likelihood given all before; and given the cycle itself: log_strength of the stick with
-    its deviation, level at the onset and after the slip."""
+    its deviation, level at the onset."""
 
     log_likelihood: Array
     log_strength: Array
     log_strength_sd: Array
     level: Array
-    level_after: Array
 
 
 @dataclass(frozen=True)
@@ -127,7 +126,7 @@ class Likelihood:
             chained[j] = self.chain()
             level = chained[j, 1:3]
         columns = dict(zip(CYCLE, chained[:, 3:].T, strict=True))
-        of_cycles = Cycles(log_likelihood=chained[:, 0], level_after=chained[:, 1], **columns)
+        of_cycles = Cycles(log_likelihood=chained[:, 0], **columns)
         return _Forward(of_cycles, onset, begun, states, state, slips, before)
 
     def _sample(self, i: int, cycles: int) -> Array:

@@ -70,7 +70,7 @@ class SlipFunctions:
 def slip_functions() -> SlipFunctions:
     """The functions of a slip."""
     (all_theta, theta), contact = _symbols("theta", THETA), ca.SX.sym("contact", 2)
-    after, usual = (_regained(0.0, each, ca.exp(theta["t_cr"])) for each in ca.vertsplit(contact))
+    after, usual = (_regained(each, ca.exp(theta["t_cr"])) for each in ca.vertsplit(contact))
     aged = ca.Function("aged", [all_theta, contact], [ca.exp(theta["strength"]) * after / usual])
     return SlipFunctions(*_onset(), *_begin(), *_step(), *_arrest(), Mapped(aged))
 
@@ -136,9 +136,9 @@ def _cell(x: Mapping[str, ca.SX], kept: Mapping[str, ca.SX], rig: Mapping[str, c
     return rig["stiffness"] * x["elongation"] + kept["damper"] * (rig["rate"] / rig["stiffness"] - x["speed"])
 
 
-def _regained(left: ca.SX | float, rest: ca.SX, t_cr: ca.SX) -> ca.SX:
-    """Share of the strength after a rest [s], eq. (3a)."""
-    return left - (1.0 - left) * ca.expm1(-rest / t_cr)
+def _regained(rest: ca.SX, t_cr: ca.SX) -> ca.SX:
+    """Share of the strength after a rest [s], eq. (3a), from none."""
+    return -ca.expm1(-rest / t_cr)
 
 
 def _onset() -> tuple[Mapped, Mapped]:
@@ -148,8 +148,8 @@ def _onset() -> tuple[Mapped, Mapped]:
     fallen, line, rest, usual, known = ca.vertsplit(stick)
     value, k, rate = _values(theta, rig), rig["stiffness"], rig["rate"]
     slid, first = fallen / k, FIRST_SLID * fallen / k
-    full = value["strength"] / _regained(0.0, usual, value["t_cr"])
-    begun = _regained(0.0, rest, value["t_cr"])
+    full = value["strength"] / _regained(usual, value["t_cr"])
+    begun = _regained(rest, value["t_cr"])
     kept = value | {"level": ca.SX(0.0), "strength": full, "begun": begun, "D": full / value["weakening_rate"]}
     start = (full * _rounded(begun) - value["damper"] * rate / k) / k
     time = (6.0 * value["mass"] * first / rate) ** (1.0 / 3.0)
@@ -169,7 +169,7 @@ def _onset() -> tuple[Mapped, Mapped]:
         c = slope((i + 0.5) * h, y + 0.5 * h * b)
         y = y + h / 6.0 * (a + 2.0 * b + 2.0 * c + slope((i + 1) * h, y + h * c))
     rested = ca.fmax(rest - y[0], 1e-3 * usual)
-    share = _regained(0.0, rested, value["t_cr"])
+    share = _regained(rested, value["t_cr"])
     growth = known * full * (1.0 - share) / value["t_cr"]
     left, by_sliding = y[2] + share - begun, slope(ONSET_STEPS * h, y)[2] / slid
     result = ca.vertcat(line - rate * y[0], y[0], y[1], full * share, growth, full, left, by_sliding)
