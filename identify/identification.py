@@ -47,7 +47,6 @@ from identify.estimation.fit_wording import (
     wrong_unit,
 )
 from identify.estimation.goodness_of_fit import stick_scatter
-from identify.estimation.preview import detected_curves
 from identify.estimation.search import SearchProblem, alike, search
 from identify.estimation.starts import Sources
 from identify.estimation.stick_strength import with_strengths
@@ -399,7 +398,7 @@ def _with_trace(findings: Findings, trace: Trace, limit: float) -> Findings:
 
 def _curves(prepared: list[Prepared], findings: Findings) -> tuple[LogCurves, ...]:
     """What was measured and fitted of each log."""
-    curves = [detected_curves(log) for log in prepared]
+    curves = [log.curves for log in prepared]
     attempt, unknowns = findings.attempt, findings.unknowns
     if findings.estimated is not None:
         for number, curve in enumerate(findings.estimated.curves):

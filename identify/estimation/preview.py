@@ -13,7 +13,6 @@ from identify.base.result import LogCurves
 from identify.estimation.attempt import place_on
 from identify.estimation.fit_wording import prefit_warnings, wrong_unit
 from identify.estimation.starts import features_of, starts_of
-from identify.logs.prepare import Prepared
 from identify.logs.scene_records import prepare_scene
 from identify.logs.unknowns import user_start
 from identify.scene import Scene
@@ -69,25 +68,8 @@ def preview(scene: Scene, records: Sequence[Record]) -> Preview:
             inside = np.isfinite(trajectory) & log.used
             off = float(np.sqrt(np.mean((trajectory - log.force)[inside] ** 2))) if np.any(inside) else float("nan")
             text = f"the start is off by {1e3 * off:.3g} mN (rms); the noise is {1e3 * log.data.noise:.3g} mN"
-        shown = replace(detected_curves(log), fitted_force=np.where(log.used, trajectory, np.nan))
+        shown = replace(log.curves, fitted_force=np.where(log.used, trajectory, np.nan))
         logs.append(PreviewLog(shown, f"{log.segmentation.cycles.count} cycles found; {text}"))
     values = dict(zip(unknowns.names, unknowns.values(theta, prepared[0].data.base).tolist(), strict=True))
     units = {q.name: q.unit for q in unknowns.model.parameters}
     return Preview(source, values, units, logs, prefit_warnings(prepared))
-
-
-def detected_curves(log: Prepared) -> LogCurves:
-    """Curves of a log that was not fitted: its detected cycles only."""
-    c, raw = log.segmentation.cycles, log.account.raw.friction_force
-    return LogCurves(
-        name=log.name,
-        time=log.record.time,
-        normal_force=log.record.normal_force,
-        friction_force=log.force,
-        fitted_force=np.full(log.record.time.size, np.nan),
-        used=log.used,
-        noise=float(log.segmentation.noise),
-        drive_speed=log.data.drive_speed,
-        cycles=np.column_stack([c.onset, c.arrest, c.onset_force, c.arrest_force, np.full(c.onset.size, np.nan)]),
-        raw_force=None if raw is log.record.friction_force else log.sign * raw,
-    )

@@ -17,6 +17,7 @@ from data_io.correct import Change, Corrected, Corrections, correct
 from data_io.quality import mean_and_drift
 from data_io.record import zero_of_times
 from identify.base.errors import FitError
+from identify.base.result import LogCurves
 from identify.logs.judgement import ENDS_LOADING, RECORD_LONGER, Judgement, RecordPart, judge
 from identify.logs.log_data import LoadSpline, LogData, level, smooth, swing
 from identify.logs.noise import FEWEST_ROWS, SIGNIFICANT, bridged, line_slope, running_means, slope_error
@@ -502,6 +503,23 @@ class Prepared:
         if self.fit_mode.name == "cycles":
             return int(self.slip_times.size)
         return max((piece.slip_times.size for piece in self.pieces), default=0)
+
+    @property
+    def curves(self) -> LogCurves:
+        """What is drawn of it, with its detected cycles; nothing is fitted."""
+        c, raw = self.segmentation.cycles, self.account.raw.friction_force
+        return LogCurves(
+            name=self.name,
+            time=self.record.time,
+            normal_force=self.record.normal_force,
+            friction_force=self.force,
+            fitted_force=np.full(self.record.time.size, np.nan),
+            used=self.used,
+            noise=float(self.segmentation.noise),
+            drive_speed=self.data.drive_speed,
+            cycles=np.column_stack([c.onset, c.arrest, c.onset_force, c.arrest_force, np.full(c.onset.size, np.nan)]),
+            raw_force=None if raw is self.record.friction_force else self.sign * raw,
+        )
 
     @property
     def name(self) -> str:

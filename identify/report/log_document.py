@@ -12,7 +12,6 @@ from data_io.values import Finding
 from identify.base.document import to_dict
 from identify.base.result import LogCurves, LogResult, QualityResult, Result, Status
 from identify.diagnosis.findings import Findings
-from identify.estimation.preview import detected_curves
 from identify.logs.classical import table_of
 from identify.logs.prepare import Prepared
 from identify.logs.regime import Known, look
@@ -123,7 +122,7 @@ def fitted_curves(
         u = np.column_stack([speeds, log.data.normal_force.at(times), one, times])
         forces[row] = batch.load_cell(unknowns.model, states, np.tile(p, (times.size, 1)), u)
     return replace(
-        detected_curves(log),
+        log.curves,
         fitted_force=np.where(log.used, fitted, np.nan),
         used=log.used & np.isfinite(fitted),
         noise=log.data.noise,
@@ -134,7 +133,7 @@ def fitted_curves(
 def refused_curves(log: Prepared, fitted: LogCurves) -> LogCurves:
     """Curves of a fit that was refused: cycles as they were measured, for how they scatter is what the reader is sent
     to; the misfit of each where there are as many as were fitted."""
-    cycles = detected_curves(log).cycles
+    cycles = log.curves.cycles
     if cycles.shape == fitted.cycles.shape:
         cycles[:, -1] = fitted.cycles[:, -1]
     return replace(fitted, cycles=cycles)
