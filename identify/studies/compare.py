@@ -10,7 +10,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from identify.base.document import read_json
 from identify.base.errors import DocumentError, IdentifyError
@@ -22,8 +21,6 @@ from identify.scene.tables import DAMPING
 from identify.studies.batch_store import BATCH, CONVERGED, JOB, RESULT
 from identify.studies.pooled import Pooled, PoolingError, Setting, pool
 from identify.uneven.answer import SCALES
-
-Array = NDArray[np.float64]
 
 PAGE = "report.html"
 MANY = 4  # folders below a given one in which results are sought
@@ -147,54 +144,29 @@ def of_one_pair(entry: FitEntry) -> FitEntry:
 
 @dataclass(frozen=True)
 class Quantity:
-    """A parameter that fits estimate: name, SI unit, whether it is pooled as a logarithm."""
+    """A parameter that fits estimate: name, SI unit, whether it is pooled as a logarithm; its pooled answer, or the
+    reason why there is none; missing: fits by name that do not have it, with the reason."""
 
     name: str
     unit: str
     logarithmic: bool
+    pooled: Pooled | None = None
+    reason: str = ""
+    missing: tuple[tuple[str, str], ...] = ()
 
     def shown(self, y: float) -> float:
         """The value in SI units."""
         return float(np.exp(y)) if self.logarithmic else y
 
-
-@dataclass(frozen=True)
-class Values:
-    """Quantities of n fits: y and variance (n, m) on their scales, NaN where a fit does not have one; missing: fits by
-    index that do not have a quantity, with the reason."""
-
-    quantities: tuple[Quantity, ...]
-    y: Array
-    variance: Array
-    missing: Mapping[str, tuple[tuple[int, str], ...]]
-
-
-def values(entries: Sequence[FitEntry]) -> Values:
-    """The parameters that these fits estimate, in the order in which they first occur."""
-    tables = [entry.result.parameters for entry in entries]
-    names = dict.fromkeys(name for table in tables for name, p in table.items() if p.verdict in WITH_VALUE)
-    quantities = []
-    for name in names:
-        column = [table[name] for table in tables if name in table]
-        positive = all((p.value or 0.0) > 0.0 for p in column if p.verdict in WITH_VALUE)
-        logarithmic = name in SCALES or (name in DECLARED and DECLARED[name].scale == "log")
-        quantities.append(Quantity(name, next((p.unit for p in column if p.unit), ""), logarithmic and positive))
-    y, sd = np.full((2, len(entries), len(quantities)), np.nan)
-    missing: dict[str, list[tuple[int, str]]] = {name: [] for name in names}
-    for i, table in enumerate(tables):
-        for k, q in enumerate(quantities):
-            p = table.get(q.name)
-            if p is None or not has_value(p):
-                missing[q.name].append((i, "not in its model" if p is None else p.verdict or "no value"))
-                continue
-            value, error, (low, high) = p.value or 0.0, p.standard_error or 0.0, p.ends
-            # An interval with two ends counts: where a profile was run, it is the better of the two.
-            y[i, k], width = value, (high - low) if low is not None and high is not None else 0.0
-            if q.logarithmic:
-                y[i, k], error = np.log(value), error / value
-                width = np.log(high / low) if low is not None and high is not None and 0.0 < low < high else 0.0
-            sd[i, k] = width / (2.0 * NORMAL) or error
-    return Values(tuple(quantities), y, sd**2, {name: tuple(fits) for name, fits in missing.items()})
+    def scaled(self, p: ParameterResult) -> tuple[float, float]:
+        """Value and standard deviation of an estimate, as they are pooled."""
+        value, error, (low, high) = p.value or 0.0, p.standard_error or 0.0, p.ends
+        # An interval with two ends counts: where a profile was run, it is the better of the two.
+        width = high - low if low is not None and high is not None else 0.0
+        if self.logarithmic:
+            value, error = float(np.log(value)), error / value
+            width = float(np.log(high / low)) if low is not None and high is not None and 0.0 < low < high else 0.0
+        return value, width / (2.0 * NORMAL) or error
 
 
 def has_value(parameter: ParameterResult) -> bool:
@@ -228,16 +200,6 @@ class Selection:
 
 
 @dataclass(frozen=True)
-class PooledQuantity:
-    """A quantity and its pooled answer, or the reason why there is none; missing: fits by name that do not have it."""
-
-    quantity: Quantity
-    pooled: Pooled | None
-    reason: str
-    missing: tuple[tuple[str, str], ...]
-
-
-@dataclass(frozen=True)
 class Comparison:
     """A finished comparison. entries: all fits that were found; selected: what is compared of them; groups: in natural
     order."""
@@ -245,14 +207,13 @@ class Comparison:
     question: ComparisonQuestion
     entries: tuple[FitEntry, ...]
     selected: Selection
-    values: Values
-    quantities: tuple[PooledQuantity, ...]
+    quantities: tuple[Quantity, ...]
     groups: tuple[str, ...]
 
     @property
     def answered(self) -> Mapping[str, Pooled]:
         """The pooled quantities by name."""
-        return {q.quantity.name: q.pooled for q in self.quantities if q.pooled is not None}
+        return {q.name: q.pooled for q in self.quantities if q.pooled is not None}
 
 
 def compare(entries: Sequence[FitEntry], question: ComparisonQuestion) -> Comparison:
@@ -262,20 +223,34 @@ def compare(entries: Sequence[FitEntry], question: ComparisonQuestion) -> Compar
         CompareError: nothing to compare; the text says why.
     """
     selected = select([of_one_pair(entry) for entry in entries], question)
-    table = values(selected.entries)
-    if not table.quantities:
+    tables = [entry.result.parameters for entry in selected.entries]
+    names = dict.fromkeys(name for table in tables for name, p in table.items() if p.verdict in WITH_VALUE)
+    if not names:
         raise CompareError("these fits have no parameter to compare; expected fits with parameters that are identified")
-    quantities = []
-    for k, quantity in enumerate(table.quantities):
-        missing = tuple((selected.entries[i].name, reason) for i, reason in table.missing[quantity.name])
-        pooled, why_not = None, ""
-        try:
-            pooled = pool(table.y[:, k], table.variance[:, k], selected.setting, len(table.quantities))
-        except PoolingError as error:
-            why_not = str(error)
-        quantities.append(PooledQuantity(quantity, pooled, why_not, missing))
+    quantities = tuple(_quantity(name, selected, len(names)) for name in names)
     groups = tuple(sorted(set(selected.setting.group), key=natural))
-    return Comparison(question, tuple(entries), selected, table, tuple(quantities), groups)
+    return Comparison(question, tuple(entries), selected, quantities, groups)
+
+
+def _quantity(name: str, selected: Selection, family: int) -> Quantity:
+    """A parameter of the fits that are compared, one of so many."""
+    column = [entry.result.parameters.get(name) for entry in selected.entries]
+    known = [p for p in column if p is not None]
+    positive = all((p.value or 0.0) > 0.0 for p in known if p.verdict in WITH_VALUE)
+    logarithmic = positive and (name in SCALES or (name in DECLARED and DECLARED[name].scale == "log"))
+    q, missing = Quantity(name, next((p.unit for p in known if p.unit), ""), logarithmic), []
+    rows = np.full((len(column), 2), np.nan)
+    for i, p in enumerate(column):
+        if p is not None and has_value(p):
+            rows[i] = q.scaled(p)
+        else:
+            missing.append((selected.entries[i].name, "not in its model" if p is None else p.verdict or "no value"))
+    pooled, reason = None, ""
+    try:
+        pooled = pool(rows[:, 0], rows[:, 1] ** 2, selected.setting, family)
+    except PoolingError as error:
+        reason = str(error)
+    return replace(q, pooled=pooled, reason=reason, missing=tuple(missing))
 
 
 def select(entries: Sequence[FitEntry], question: ComparisonQuestion) -> Selection:

@@ -26,7 +26,7 @@ from identify.report.report_page import svg_element, templates
 from identify.report.report_wording import MEANINGS, VERDICT_MARK, plain_symbol
 from identify.report.style import WIDTHS, drawing_style, svg_text
 from identify.studies import compare as comparing
-from identify.studies.compare import PAGE, Comparison, FitEntry, PooledQuantity
+from identify.studies.compare import PAGE, Comparison, FitEntry, Quantity
 from identify.studies.pooled import DIFFERENT, NOT_DISTINGUISHED, NOT_TESTED, Difference
 
 DOCUMENT = "comparison.json"
@@ -84,7 +84,7 @@ def document(comparison: Comparison, tables: Mapping[str, OutputTable]) -> Mappi
         "groups": list(comparison.groups),
         "fits": len(comparison.entries),
         "compared": len(comparison.selected.entries),
-        "in_words": {entry.quantity.name: sentence for entry, (_, _, sentence) in words},
+        "in_words": {entry.name: sentence for entry, (_, _, sentence) in words},
         "notes": list(comparison.selected.notes),
         "tables": {
             name: [dict(zip(table.columns, (c.value for c in row), strict=True)) for row in table.cells]
@@ -136,7 +136,7 @@ def _compared(comparison: Comparison) -> dict[str, object]:
     """What the template shows of a comparison."""
     tables, by, who = comparison_tables(comparison), comparison.question.by, comparison.selected.subject
     missing = [
-        (q.quantity.name, len(q.missing), ", ".join(sorted({reason for _, reason in q.missing})))
+        (q.name, len(q.missing), ", ".join(sorted({reason for _, reason in q.missing})))
         for q in comparison.quantities
         if q.missing
     ]
@@ -185,14 +185,14 @@ NAME = 24  # characters of a group in a drawing
 FAR = 2.5  # times what means and fits span: an interval is drawn no further
 
 
-def forest(comparison: Comparison, entry: comparing.PooledQuantity) -> Markup:
+def forest(comparison: Comparison, entry: Quantity) -> Markup:
     """One parameter: for each group the mean with its 95 % interval, and every fit as a faint mark."""
-    q, pooled, unit = entry.quantity, entry.pooled, unit_of(entry)
+    pooled, unit = entry.pooled, unit_of(entry)
     assert pooled is not None
     groups = [group for group in comparison.groups if group in pooled.groups]
-    fits = np.array([q.shown(float(v)) for v in pooled.y]) / unit.factor
+    fits = np.array([entry.shown(float(v)) for v in pooled.y]) / unit.factor
     of = np.array([comparison.selected.setting.group[i] for i in pooled.rows])
-    means = np.array([q.shown(pooled.mean_of(group).value) for group in groups]) / unit.factor
+    means = np.array([entry.shown(pooled.mean_of(group).value) for group in groups]) / unit.factor
     span = FAR * max(float(np.ptp(np.append(fits, means))), 0.1 * float(np.max(np.abs(means))))
     with drawing_style():
         figure = Figure(figsize=(WIDTHS[1], 0.6 + 0.25 * len(groups)), layout="constrained")
@@ -203,15 +203,15 @@ def forest(comparison: Comparison, entry: comparing.PooledQuantity) -> Markup:
             own = fits[of == group]
             axes.plot(own, np.full(len(own), y - 0.3), "|", color=colour, alpha=0.55, markersize=4)
             if mean.interval is not None:
-                ends = np.clip([q.shown(v) / unit.factor for v in mean.interval], value - span, value + span)
+                ends = np.clip([entry.shown(v) / unit.factor for v in mean.interval], value - span, value + span)
                 axes.plot(ends, [y, y], color=colour, linewidth=1.8)
             axes.plot(
                 [value], [y], "o", color=colour, markersize=4, markerfacecolor=colour if mean.interval else "white"
             )
         axes.set_yticks([-k for k in range(len(groups))], [visible(g, NAME) for g in groups])
         axes.set_ylim(-len(groups) + 0.4, 0.5)
-        axes.set_xlabel(f"{plain_symbol(q.name)}{f' ({unit.unit})' if unit.unit else ''}")
-        label = f"{q.name} by {comparison.question.by}: means with 95 % intervals, every fit as a small mark"
+        axes.set_xlabel(f"{plain_symbol(entry.name)}{f' ({unit.unit})' if unit.unit else ''}")
+        label = f"{entry.name} by {comparison.question.by}: means with 95 % intervals, every fit as a small mark"
         drawing = svg_element(svg_text(figure), f"forest-{comparison.quantities.index(entry)}")
     # with a description for those who cannot see it
     box = Markup('<div class="drawing" role="img" aria-label="{}">{}</div>')
@@ -239,46 +239,46 @@ def comparison_tables(comparison: Comparison) -> dict[str, OutputTable]:
     return {table.name: table for table in tables}
 
 
-def _name(entry: PooledQuantity) -> Cell:
+def _name(entry: Quantity) -> Cell:
     """A parameter: its name in files, its symbol for people."""
-    return Cell(entry.quantity.name, plain_symbol(entry.quantity.name))
+    return Cell(entry.name, plain_symbol(entry.name))
 
 
-def unit_of(entry: PooledQuantity) -> Scale:
+def unit_of(entry: Quantity) -> Scale:
     """The unit in which a parameter is shown: that of the middle of its means."""
-    values = sorted(abs(entry.quantity.shown(m.value)) for m in (entry.pooled.means if entry.pooled else ()))
-    return scale_for(values[len(values) // 2] if values else None, entry.quantity.unit)
+    values = sorted(abs(entry.shown(m.value)) for m in (entry.pooled.means if entry.pooled else ()))
+    return scale_for(values[len(values) // 2] if values else None, entry.unit)
 
 
 def _parameters(comparison: Comparison) -> OutputTable:
     """The means; standard error and scatter are in the unit of the mean, also where logarithms were pooled."""
     rows: list[Row] = []
     for entry in comparison.quantities:
-        q, scale = entry.quantity, unit_of(entry)
+        scale = unit_of(entry)
         means = {m.group: m for m in (entry.pooled.means if entry.pooled else ())}
         for group in comparison.groups:
             mean = means.get(group)
             if mean is None:
                 rows.append((_name(entry), group, *[None] * 8, entry.reason or "none of its fits has it"))
                 continue
-            value = q.shown(mean.value)
+            value = entry.shown(mean.value)
             low, high = mean.interval or (None, None)
-            ends = None if low is None else q.shown(low), None if high is None else q.shown(high)
-            per = value if q.logarithmic else 1.0
-            text, interval = value_and_interval(value, ends, scale, positive=q.logarithmic)
-            remark = mean.reason or ("mean of the logarithm" if q.logarithmic else "")
+            ends = None if low is None else entry.shown(low), None if high is None else entry.shown(high)
+            per = value if entry.logarithmic else 1.0
+            text, interval = value_and_interval(value, ends, scale, positive=entry.logarithmic)
+            remark = mean.reason or ("mean of the logarithm" if entry.logarithmic else "")
             scatter = None if mean.scatter is None else mean.scatter * per
             counts = (mean.error * per, mean.fits, mean.subjects, scatter, remark)
-            shown = (Cell(value, text, interval or "open"), *ends, Cell(q.unit, scale.unit or "1"))
+            shown = (Cell(value, text, interval or "open"), *ends, Cell(entry.unit, scale.unit or "1"))
             rows.append((_name(entry), group, *shown, *counts))
     by, who = comparison.question.by, comparison.selected.subject or "people"
     heads = ("parameter", by, "mean", "95 % low", "95 % high", "unit", "standard error", "fits", who)
     return OutputTable(f"Parameters by {by}", (*heads, "scatter of its fits", "remark"), tuple(rows), "parameters")
 
 
-def difference_text(entry: PooledQuantity, d: Difference) -> tuple[str, str]:
+def difference_text(entry: Quantity, d: Difference) -> tuple[str, str]:
     """A difference and its interval as text: a factor where the mean is that of the logarithm."""
-    if entry.quantity.logarithmic:
+    if entry.logarithmic:
         ends = (None, None) if d.interval is None else (math.exp(d.interval[0]), math.exp(d.interval[1]))
         text, interval = value_and_interval(math.exp(d.value), ends, Scale("", 1.0), positive=True)
         return f"× {text}", f"× {interval}" if interval else ""
@@ -291,13 +291,16 @@ def difference_text(entry: PooledQuantity, d: Difference) -> tuple[str, str]:
 def _differences(comparison: Comparison) -> OutputTable:
     rows: list[Row] = []
     for entry in comparison.quantities:
-        q = entry.quantity
         for d in entry.pooled.differences if entry.pooled else ():
             text, interval = difference_text(entry, d)
-            ends = [None if v is None else q.shown(v) for v in d.interval or (None, None)]
+            ends = [None if v is None else entry.shown(v) for v in d.interval or (None, None)]
             chance = None if d.p is None else Cell(d.p, "< 0.001" if d.p < 0.001 else f"{d.p:.2g}")
             verdict = Cell(d.verdict, note=visible(d.reason, 300), kind=VERDICT_KIND[d.verdict])
-            shown = (Cell(q.shown(d.value), text, interval), *ends, "first / second" if q.logarithmic else q.unit)
+            shown = (
+                Cell(entry.shown(d.value), text, interval),
+                *ends,
+                "first / second" if entry.logarithmic else entry.unit,
+            )
             rows.append((_name(entry), d.first, d.second, *shown, chance, verdict, d.reason, d.df, d.shared))
     heads = ("parameter", "first", "second", "difference", "simultaneous low", "simultaneous high", "unit", "p")
     rest = ("verdict", "reason", "degrees of freedom", "people with both")
@@ -309,8 +312,8 @@ def _scatter(comparison: Comparison) -> OutputTable:
     for entry in comparison.quantities:
         if entry.pooled is None:
             continue
-        s, q = entry.pooled.scatter, entry.quantity
-        scale = Scale("%", 0.01) if q.logarithmic else unit_of(entry)
+        s = entry.pooled.scatter
+        scale = Scale("%", 0.01) if entry.logarithmic else unit_of(entry)
         cells = [
             Cell() if value is None else Cell(value, f"{number(value / scale.factor, 2)} {scale.unit}".rstrip())
             for value in (s.subject, s.run, s.fit, s.repeatability, *(s.repeatability_interval or (None, None)))
@@ -318,7 +321,7 @@ def _scatter(comparison: Comparison) -> OutputTable:
         if s.repeatability is not None:
             cells[3] = Cell(s.repeatability, cells[3].text, f"{cells[4].text} to {cells[5].text}")
         icc = Cell(s.intraclass, DASH if s.intraclass is None else decimals(s.intraclass, 2))
-        rows.append((_name(entry), *cells, icc, "logarithm" if q.logarithmic else q.unit))
+        rows.append((_name(entry), *cells, icc, "logarithm" if entry.logarithmic else entry.unit))
     heads = ("parameter", f"between {comparison.selected.subject or 'person'}s", "between runs", "error of a fit")
     rest = ("repeatability", "repeatability low", "repeatability high", "intraclass correlation", "unit")
     return OutputTable("Scatter and repeatability (standard deviations)", (*heads, *rest), tuple(rows), "scatter")
@@ -362,7 +365,7 @@ def fits_table(entries: Sequence[FitEntry], links: Sequence[str] = ()) -> Output
 
 def sentences(comparison: Comparison) -> list[tuple[str, str, str]]:
     """What differs: symbol, meaning and one plain sentence per parameter."""
-    named = [(entry.quantity.name, _sentence(entry)) for entry in comparison.quantities]
+    named = [(entry.name, _sentence(entry)) for entry in comparison.quantities]
     return [(plain_symbol(name), MEANINGS.get(name, name.replace("_", " ")), words) for name, words in named]
 
 
@@ -375,7 +378,7 @@ def together(parts: Sequence[tuple[str, str, str]]) -> list[tuple[str, str, str]
     return [(", ".join(group), meanings[words] if len(group) == 1 else "", words) for words, group in names.items()]
 
 
-def _sentence(entry: PooledQuantity) -> str:
+def _sentence(entry: Quantity) -> str:
     if entry.pooled is None:
         return f"not compared: {entry.reason}."
     differences, count = entry.pooled.differences, len(entry.pooled.means)

@@ -58,11 +58,11 @@ def test_materials_differ_and_the_truth_is_covered(study):
     folder, truth = study
     found = compare(read_fits([folder]), BY_MATERIAL)
     assert found.groups == ("M1", "M2", "M3") and found.selected.subject == "volunteer"
-    assert {q.name: q.logarithmic for q in found.values.quantities} == dict.fromkeys(NAMES[:3], False) | dict.fromkeys(
+    assert {q.name: q.logarithmic for q in found.quantities} == dict.fromkeys(NAMES[:3], False) | dict.fromkeys(
         NAMES[3:], True
     )
     first = found.selected.entries[0].result.parameters["D"].value
-    assert found.values.y[0, NAMES.index("D")] == pytest.approx(np.log(first))
+    assert found.answered["D"].y[0] == pytest.approx(np.log(first))
     for k, name in enumerate(NAMES):
         for mean in found.answered[name].means:
             assert mean.subjects == 4 and abs(mean.value - truth[int(mean.group[1]) - 1, k]) < 4.5 * mean.error
@@ -97,7 +97,7 @@ def test_fits_that_are_not_compared_are_named_with_the_reason(tmp_path):
     assert reasons["M1_V1_0"] == "left out by --without"
     assert reasons["empty"] == f"it has no value to compare: {', '.join(NAMES)} not identifiable"
     assert "cannot be read" in reasons["broken"] and len(reasons) == 6
-    missing = {q.quantity.name: q.missing for q in found.quantities}
+    missing = {q.name: q.missing for q in found.quantities}
     assert missing["D"] == (("no_D", "not identifiable"),) and missing["mu_s"] == ()
     assert "M1_V1_1 and copy are fits of the same logs: leave out one." in found.selected.notes or (
         "copy and M1_V1_1 are fits of the same logs: leave out one." in found.selected.notes
@@ -133,7 +133,7 @@ def test_what_of_a_joint_fit_differs_between_its_logs_is_not_compared(tmp_path):
         told["parameters"]["mu_s (V2)"] = told["parameters"]["mu_s"] | {"group": "V2", "parameter": "mu_s"}
         write_fit(tmp_path / f"fit {place}", told)
     found = compare(read_fits([tmp_path]), BY_MATERIAL)
-    assert [q.quantity.name for q in found.quantities] == [*NAMES[1:]]
+    assert [q.name for q in found.quantities] == [*NAMES[1:]]
 
 
 def test_what_measurements_of_the_rig_gave_is_no_difference_of_materials(tmp_path):
@@ -148,7 +148,7 @@ def test_what_measurements_of_the_rig_gave_is_no_difference_of_materials(tmp_pat
         told["provenance"] = {"scene": {**told["provenance"]["scene"], "rig": stated}}
         write_fit(tmp_path / f"{group}_{i}", told)
     comparison = compare(read_fits([tmp_path]), BY_MATERIAL)
-    assert {q.quantity.name for q in comparison.quantities} == {*NAMES, "mass"}
+    assert {q.name for q in comparison.quantities} == {*NAMES, "mass"}
 
 
 @pytest.fixture(scope="module")
