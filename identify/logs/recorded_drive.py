@@ -269,7 +269,8 @@ def _course_of(time: Array, values: Array, position: bool) -> Course | None:
     t, x, sd = (each[:: t.size // ENOUGH + 1] for each in (t, x, np.maximum(sd, 1e-7 * float(np.ptp(x)))))
     degree, best, lowest = 2 if position else 1, None, np.inf
     for share in SHARES:
-        knots = scipy.interpolate.splrep(t, x, w=1.0 / sd, k=degree, s=share * t.size, quiet=1)[0]
+        # with its full output it returns what it has to say of a close fit, and warns nobody
+        (knots, *_), *_ = scipy.interpolate.splrep(t, x, w=1.0 / sd, k=degree, s=share * t.size, full_output=1, quiet=1)
         spline = scipy.interpolate.make_lsq_spline(t, x, knots, k=degree, w=1.0 / sd)
         left = float(np.sum(((x - spline(t)) / sd) ** 2))
         if left + WORTH * knots.size < lowest:
