@@ -6,14 +6,12 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import queue
 import re
 import subprocess
 import sys
 import threading
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from itertools import count
 from pathlib import Path
 
 from data_io.atomic import atomic_write
@@ -39,9 +37,8 @@ class Looks:
     """The inspections of a folder, one after the other, each by a process of its own."""
 
     def __init__(self, folder: Folder) -> None:
-        self._folder, self._number = folder, count()
-        self._queue: queue.PriorityQueue[tuple[bool, int, str]] = queue.PriorityQueue()
-        self._waiting: set[tuple[str, bool]] = set()
+        self._folder, self._changed = folder, threading.Condition()
+        self._queued: dict[str, bool] = {}  # in the order of the lists, and whether somebody waits for it
         self._seen: dict[str, tuple[list[int], Document]] = {}
         self._process: subprocess.Popen[bytes] | None = None
         self._closed = False
@@ -54,9 +51,9 @@ class Looks:
         if name not in self._seen or self._seen[name][0] != stamp:
             kept = read_json(self._place(name))
             if kept is None or kept.get("stamp") != stamp:
-                if (name, waited_for) not in self._waiting:
-                    self._waiting.add((name, waited_for))
-                    self._queue.put((not waited_for, next(self._number), name))
+                with self._changed:
+                    self._queued[name] = waited_for or self._queued.get(name, False)
+                    self._changed.notify()
                 return None
             self._seen[name] = stamp, kept["log"]
         return self._seen[name][1]
@@ -82,16 +79,17 @@ class Looks:
         return self._folder.own("looks", f"{hashlib.sha256(name.encode('utf-8', 'surrogateescape')).hexdigest()}.json")
 
     def _work(self) -> None:
-        while True:
-            later, _, name = self._queue.get()
+        while not self._closed:
+            with self._changed:
+                self._changed.wait_for(lambda: self._queued)
+                name = max(self._queued, key=self._queued.__getitem__)  # the first that is waited for, or of all
             with suppress(OSError, ValueError):  # gone meanwhile, or no place to write to: queued with the next list
-                stamp = self._stamp(name)
-                if self._seen.get(name, ([], {}))[0] != stamp:
-                    log = self._inspected(name)
-                    if self._closed:
-                        return
+                self._stamp(name)
+                log = self._inspected(name)
+                if not self._closed:
                     self.keep(name, log)
-            self._waiting.discard((name, not later))
+            with self._changed:
+                self._queued.pop(name)
 
     def _inspected(self, name: str) -> Document:
         """By a process behind everything else that runs, so that no log can harm or hold up the server."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-from contextlib import suppress
 from functools import lru_cache
 from itertools import zip_longest
 from pathlib import Path
@@ -16,8 +15,6 @@ from identify.app.curves import MOST_POINTS
 from identify.app.folder import Document, Folder, PageError, PageQuery, mapping
 from identify.app.simulations import ONE_AT_A_TIME
 from identify.base.document import read_json, to_dict
-from identify.base.errors import IdentifyError
-from identify.base.result import Result
 from identify.base.table import OutputTable
 from identify.report.figures import available
 from identify.report.finished import Fit
@@ -128,20 +125,20 @@ def residuals(folder: Folder, name: str, number: int, begin: float, end: float) 
 
 def batch_seen(folder: Folder, name: str) -> Document:
     """The groups of a batch with what has ended, while it runs and after."""
-    place = folder.path(name)
-    about = {group["folder"]: group for group in (read_json(place / "batch.json") or {}).get("groups", ())}
-    groups = []
-    for path in sorted(place.glob("*/job.json")):
-        job, fit = read_json(path) or {}, folder.name(path.parent)
-        row: Document = fit_row(folder, fit) | {"fit": fit} if (path.parent / "result.json").is_file() else {}
-        with suppress(IdentifyError):  # of no whole result
-            shown = parameter_table(Result.from_dict(read_json(path.parent / "result.json") or {}).parameters)
-            row["shown"] = {
-                str(name.value): f"{value.shown} {unit.shown}".removesuffix(" 1")
-                for name, value, unit in shown.select("parameter", "value", "unit").cells
-            }
-        row |= {key: str(job.get(key, "")) for key in ("group", "status", "message")}
-        groups.append(row | {"labels": about.get(path.parent.name, {}).get("labels", {})})
-    labels = sorted({label for group in about.values() for label in group["labels"]})
+    from identify.studies.compare import read_fits  # which takes as long to load as all the rest of the page
+
+    place, groups = folder.path(name), list[Document]()
+    for fit in read_fits([place]):
+        if not (fit.folder / "job.json").is_file():
+            continue  # the batch has not come to it
+        path = folder.name(fit.folder)
+        row: Document = fit_row(folder, path) | {"fit": path} if fit.result.status else {}
+        row["shown"] = {
+            str(name.value): f"{value.shown} {unit.shown}".removesuffix(" 1")
+            for name, value, unit in parameter_table(fit.result.parameters).select("parameter", "value", "unit").cells
+        }
+        row |= {"group": fit.name, "status": fit.status, "message": fit.message, "labels": dict(fit.labels)}
+        groups.append(row)
+    labels = sorted({label for group in groups for label in group["labels"]})
     report = place / "report.html"
     return {"groups": groups, "labels": labels, "report": folder.name(report) if report.is_file() else ""}
