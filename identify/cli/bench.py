@@ -19,7 +19,7 @@ from identify.logs.scene_records import prepare_scene, with_records
 from identify.prediction.sources import existing_result
 from identify.report.stored_result import read_result, scene_of
 from identify.scene import Scene
-from identify.scene.tables import quantity
+from identify.scene.tables import NOT_NEGATIVE, Key, check, quantity
 
 KNOWN = {"mass": "kg", "stiffness": "N/m"}
 SPEED_TOLERANCE, MASS_TOLERANCE = 0.01, 0.005  # of drive speeds and of added masses, relative
@@ -79,8 +79,7 @@ def _measured(arguments: Namespace) -> list[Measured]:
             if any(finding.code == "friction_from_coefficient" for finding in record.findings):
                 raise  # then the force is not known without the load
         mass = quantity(added[log], "kg", f"--added-mass {log}") if log in added else 0.0
-        if not mass >= 0.0:
-            raise CommandLineError(f"--added-mass {log} is {mass:g} kg; expected a positive mass: correct it")
+        check(f"--added-mass {log}", Key("kg", sign=NOT_NEGATIVE), mass)
         speed = abs(quantity(speeds[log], "m/s", f"--drive-speed {log}")) if log in speeds else None
         taps = [] if log in skins else rings(record, log.name, mass)
         if log in added and not taps:

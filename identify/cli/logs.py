@@ -19,7 +19,7 @@ from data_io.record import WINDOW_START
 from identify.base.document import finite, to_dict, to_document
 from identify.base.progress import to_nobody
 from identify.base.result import ClassicalTable
-from identify.base.table import Cell, OutputTable
+from identify.base.table import Cell, OutputTable, Row
 from identify.base.wording import DASH, columns, number, programme_text, quantity, scale_for, speed_text, wrapped
 from identify.cli.arguments import MEASURED, log_options, new_file, picture, read
 from identify.cli.common import Answer, CommandLineError, Exit, Terminal
@@ -241,25 +241,14 @@ def _classical_lines(table: ClassicalTable) -> Iterator[str]:
 def change_table(changes: Sequence[DriveChange]) -> OutputTable:
     """Holds and velocity steps, a row each, without the columns that none has."""
     of_length = scale_for(next((c.D_c_m for c in changes if c.D_c_m), None), "m")
-    every = {
-        "from (s)": [Cell(c.start_s, number(c.start_s, 5)) for c in changes],
-        "to": [Cell(c.speed_after_m_per_s, speed_text(c.speed_after_m_per_s or 0.0, 3)) for c in changes],
-        "before": [_coefficient(c.before_coefficient) for c in changes],
-        "peak": [_coefficient(c.peak_coefficient) for c in changes],
-        "after": [_coefficient(c.after_coefficient) for c in changes],
-        "direct effect": [_coefficient(c.direct_effect) for c in changes],
-        "evolution effect": [_coefficient(c.evolution_effect) for c in changes],
-        f"D_c ({of_length.unit})": [
-            Cell(c.D_c_m, "" if c.D_c_m is None else number(c.D_c_m / of_length.factor, 2)) for c in changes
-        ],
-    }
-    kept = {head: cells for head, cells in every.items() if any(cell.value is not None for cell in cells)}
-    rows = tuple((change.name, *cells) for change, *cells in zip(changes, *kept.values(), strict=True))
-    return OutputTable("Holds and velocity steps", ("", *kept), rows, "drive_changes")
-
-
-def _coefficient(value: float | None) -> Cell:
-    return Cell(value, number(value, 3))
+    heads = "from (s)", "to", "before", "peak", "after", "direct effect", "evolution effect", f"D_c ({of_length.unit})"
+    rows = list[Row]()
+    for c in changes:
+        levels = c.before_coefficient, c.peak_coefficient, c.after_coefficient, c.direct_effect, c.evolution_effect
+        when, speed = Cell(c.start_s, number(c.start_s, 5)), speed_text(c.speed_after_m_per_s or 0.0, 3)
+        length = Cell(c.D_c_m, "" if c.D_c_m is None else number(c.D_c_m / of_length.factor, 2))
+        rows.append((c.name, when, speed, *(Cell(level, number(level, 3)) for level in levels), length))
+    return OutputTable("Holds and velocity steps", ("", *heads), tuple(rows), "drive_changes").filled()
 
 
 def overview(logs: Sequence[tuple[str, Inspection | None]]) -> str:

@@ -19,7 +19,7 @@ from identify.cli.arguments import MEASURED, file_to_write, new_file, positive
 from identify.cli.common import Answer, CommandLineError, Terminal
 from identify.diagnosis.effect_choice import choose_from_numbers, effects_result
 from identify.scene import Scene
-from identify.scene.tables import Course, quantity
+from identify.scene.tables import NOT_NEGATIVE, POSITIVE, Course, Key, check, quantity
 from identify.simulation.drive import Drive
 from identify.simulation.simulate import cost
 from identify.simulation.simulate import simulate as simulated
@@ -47,13 +47,9 @@ def simulate(arguments: Namespace, terminal: Terminal) -> Answer:
         raise CommandLineError(
             f"{duration:g} s at {rate:g} Hz give {count}; expected 2 to {MOST_SAMPLES:g}: change --rate or --duration"
         )
-    for option, value, sound, expected in (
-        ("--noise", f"{noise:g} N", noise >= 0.0, "zero or a positive number"),
-        ("--seed", seed, seed >= 0, "zero or a positive whole number"),
-        ("--accuracy", accuracy, accuracy is None or 0.0 < accuracy < 1.0, "a relative error such as 1e-6"),
-    ):
-        if not sound:
-            raise CommandLineError(f"{option} is {value}; expected {expected}: correct it")
+    check("--noise", Key("N", sign=NOT_NEGATIVE), noise)
+    check("--seed", Key(sign=NOT_NEGATIVE), seed)
+    check("--accuracy", Key(sign=POSITIVE, limit=1.0), accuracy)
     scene = Scene.from_toml(arguments.scene, arguments.set)
     choice = choose_from_numbers(scene) if scene.effects == "auto" else None
     if choice is not None:

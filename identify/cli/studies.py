@@ -11,6 +11,7 @@ from identify.base.wording import wrapped
 from identify.cli.arguments import COMPARISON, check_replaceable, positive, result_folder
 from identify.cli.common import Answer, CommandLineError, Exit, Terminal
 from identify.cli.interrupt import ends_by_itself
+from identify.scene.tables import POSITIVE, Key, check
 from identify.studies.batch_store import BatchError
 from identify.studies.planning import plan
 from identify.studies.running import check_place, in_words, run_batch
@@ -22,8 +23,7 @@ LIMIT = 1800.0  # seconds of one fit
 def batch(arguments: Namespace, terminal: Terminal) -> Answer:
     """Check everything, fit every group, write the tables and the page; exit code 3 where a group did not converge."""
     limit = positive(arguments.time_limit, "s", "--time-limit") or LIMIT
-    if arguments.jobs is not None and arguments.jobs < 1:
-        raise CommandLineError(f"--jobs is {arguments.jobs}; expected at least 1: correct it")
+    check("--jobs", Key(sign=POSITIVE), arguments.jobs)
     if arguments.jobs is not None and arguments.scheduler:
         raise CommandLineError("--jobs counts the fits on this machine; drop it, or drop --scheduler")
     out = Path(arguments.out)
