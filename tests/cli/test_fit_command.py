@@ -35,12 +35,6 @@ def test_a_fit_leaves_its_folder_and_finds_the_truth(fitted):
         assert entry["verdict"] == "identified" and abs(entry["value"] - value) < 4 * entry["standard_error"]
 
 
-def test_calculators_carry_the_uncertainty_of_a_fit(fitted, folder, capsys):
-    code, out, _ = stickslip(capsys, "amplitude", "--result", fitted / "result.json", "--json")
-    drop = json.loads(out)["points"][0]["amplitude"]["drop"]
-    assert code == 0 and drop["interval"][0] < drop["value"] < drop["interval"][1]
-
-
 def test_a_stored_fit_is_verified(fitted, folder, capsys):
     code, words, _ = stickslip(capsys, "verify", fitted / "result.json")
     assert code == 0 and "reproduced" in words
