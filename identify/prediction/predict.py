@@ -263,7 +263,7 @@ def predictions(points: Sequence[Site], draws: int = DRAWS) -> list[PointPredict
     A point without an answer says why; the others are not held up by it.
     """
     try:
-        return list(_predicted(points, draws))
+        return list(_predicted(points, draws)) if points else []
     except SimulationError as error:
         if len(points) == 1:
             return [NoAnswer(f"no answer for this operating point: {error}")]

@@ -165,6 +165,7 @@ def test_what_has_no_meaning_is_refused_in_one_sentence_and_holds_up_no_other_po
     points = [Site(assemble(MAIN), DEMO, speed, LOAD) for speed in (0.0, 1e-3)]
     documents = [to_dict(answer) for answer in predictions(points)]
     assert "not zero" in documents[0]["text"] and documents[1]["stability"]["outcome"] == "always sticks"
+    assert predictions([]) == []
     with pytest.raises(SimulationError, match="'mass_of_moon'"):
         predict(Site(assemble(MAIN), DEMO, 1e-3, LOAD, covariance=np.eye(1), names=("mass_of_moon",)))
     two = (*MAIN, "occlusion", "excitation")
