@@ -155,6 +155,8 @@ def _preview(scene: Scene, out: Path, terminal: Terminal) -> Answer:
 def figures(arguments: Namespace, terminal: Terminal) -> Answer:
     """Write the figures of a finished fit at the widths of a paper."""
     given = Path(arguments.result)
+    if not given.is_dir() and given.name != "result.json":
+        raise CommandLineError(f"{given}: expected the folder of a fit, or its result.json; give one of them")
     place = given if given.is_dir() else given.parent
     out = Path(arguments.out or f"{place.resolve()}-figures")
     if out.exists() and not out.is_dir():

@@ -36,6 +36,7 @@ NO_RESULT = {"schema": 1, "status": "converged", "parameters": {}, "logs": [], "
         (["stability", "--scene", examples.SCENE, "--at", "drive_speed=-1 mm/s"], "--at drive_speed is -0.001 m/s"),
         (["amplitude", "--scene", examples.SCENE, "--at", "mu_k0=0.9"], "--at mu_k0=0.9: mu_k0 = 0.9 is above mu_s"),
         (["amplitude", "--result", "."], "this is a folder"),
+        (["figures", "none.toml"], "none.toml: expected the folder of a fit, or its result.json"),
         (["plan", "."], "this is a folder; give the result.json in it"),
     ],
 )
