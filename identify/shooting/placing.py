@@ -78,11 +78,10 @@ class LogContext:
     def steady(self, t: float, just_before: bool = False) -> Sliding | None:
         """Steady sliding at a time [s]; None where there is none (something goes on changing)."""
         u = self.inputs(t, just_before)
-        if not u[0] > 0.0 or self.log.on_course or self.model.clocked:
-            return None
         with suppress(SimulationError):
-            (steady,) = slidings(self.model, np.append(self.p, [u[1], u[0]]))
-            return steady if np.all(np.isfinite(steady.state)) else None
+            if u[0] > 0.0 and not (self.log.on_course or self.model.clocked):
+                (steady,) = slidings(self.model, np.append(self.p, [u[1], u[0]]))
+                return steady if np.all(np.isfinite(steady.state)) else None
         return None
 
     def rest(self, t: float, x: Array, end: float) -> tuple[bool, float, Array, list[tuple[float, Array]]]:
@@ -544,8 +543,7 @@ class _Motion:
         while arrest is None and t < until and t < begun + LONGEST * half and not faded:
             motion = self.context.motion(t, x, min(CHUNK * half, until - t))
             pieces.append((t, motion))
-            followers = [phase.mode for phase in motion.phases[1:]] + ["stick"]
-            for phase, after in zip(motion.phases, followers, strict=True):
+            for phase, after in zip(motion.phases, [*(p.mode for p in motion.phases[1:]), "stick"], strict=True):
                 if parts and parts[-1][0] == phase.mode and parts[-1][2] == "time":
                     parts.pop()  # only the simulation was cut there
                 turns = phase.ended_by == "speed" and after != "stick"
@@ -572,8 +570,6 @@ class _Motion:
             parts[-1] = (*parts[-1][:2], "time" if arrest is None else "arrest")
         after_rest = bool(self.stretches) and self.stretches[-1].kind == "rest"
         starts, since = [begin for begin, _ in pieces], begun
-        same: tuple[End, ...] = ("release", "arrest", "turn", "time")
-        ends: dict[str, End] = {"clearance": "wear", **{name: name for name in same}}
         for i, (mode, stop, ended) in enumerate(parts):  # nodes from the simulated pieces
             first = i == 0 and mode == "slip" and after_rest
             count = max(
@@ -588,7 +584,8 @@ class _Motion:
                 nodes[rows] = np.stack([sampled[s.name] for s in self.model.states], axis=1)
             if ended in ("arrest", "turn"):
                 nodes[-1, SPEED] = 0.0
-            self.stretches.append(Stretch("renewed" if mode == "renewed" else "slip", stop, ends[ended], nodes))
+            event: End = "wear" if ended == "clearance" else ended  # type: ignore[assignment]
+            self.stretches.append(Stretch("renewed" if mode == "renewed" else "slip", stop, event, nodes))
             since = stop
         if arrest is not None:
             return t, x, False

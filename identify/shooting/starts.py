@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
-from identify.logs.log_data import UNLIKE, LogData
+from identify.logs.log_data import LogData
 from identify.logs.prepare import Prepared, moving_pieces
 from identify.logs.unknowns import Unknowns
 from identify.model.model import assemble
@@ -21,8 +22,8 @@ from identify.simulation.sliding import growth_rates
 
 Array = NDArray[np.float64]
 
-LONGER = 5.0
-HALVINGS = 8  # of delta_mu_k until steady sliding fades at half the pace of the rig alone
+HALVINGS, LONGER = 8, 5.0  # of delta_mu_k until steady sliding fades at half the pace of the rig alone; times t_cr
+MEAN, SLIDES = 0.15, 0.2  # of half a period: means of a force; of the highest speed: the mass slides
 LENGTHS = (10e-6, 40e-6)  # D [m]
 TIMES = (0.2, 1.0, 5.0)  # t_cr [s]; longer ones, each times the last, up to the longest rest of the drive
 
@@ -30,6 +31,7 @@ TIMES = (0.2, 1.0, 5.0)  # t_cr [s]; longer ones, each times the last, up to the
 def level_starts(logs: Sequence[Prepared], unknowns: Unknowns) -> Array:
     """Theta (S, n_p) of starts from the levels of logs; where one slides steadily, so does the model."""
     speeds, levels, quantiles, times = list[float](), list[float](), list[Array](), list(TIMES)
+    sliding = list[Array]()
     for data in (part.data for log in logs for part in log.one_way):
         drive = data.programme or Drive((0.0,), (data.drive_speed,))
         counted = (data.weight > 0) & (data.time >= data.begin) & (data.time <= data.end)
@@ -40,21 +42,23 @@ def level_starts(logs: Sequence[Prepared], unknowns: Unknowns) -> Array:
         longest = max((span for span, speed_then in spans if speed_then == 0.0), default=0.0)
         while times[-1] < longest / LONGER:
             times.append(LONGER * times[-1])
+        if data.on_course:
+            sliding.append(_while_sliding(data, unknowns.names))
+            continue
         for start, stop, speed in moving_pieces(drive, data.begin, data.end):
-            # The level at the end of a stretch of constant speed, or along a course.
-            share = 1.0 if data.on_course else 0.4
-            mine = (data.time >= stop - share * (stop - start)) & (data.time <= stop) & (data.weight > 0)
+            # The level at the end of a stretch of constant speed.
+            mine = (data.time >= stop - 0.4 * (stop - start)) & (data.time <= stop) & (data.weight > 0)
             if np.count_nonzero(mine) >= 3:
                 speeds.append(speed)
                 levels.append(float(np.median(coefficient[mine])))
-    if not speeds:
+    if sliding:  # the level of all speeds at which it slides
+        speed, level = np.median(np.concatenate(sliding, axis=1), axis=1).tolist()
+        speeds, levels = [*speeds, speed], [*levels, level]
+    elif not speeds:
         speeds, levels = [logs[0].data.drive_speed], [float(quantiles[0][0])]
     names, base = unknowns.names, logs[0].data.base
     value = dict(zip(names, unknowns.values(unknowns.start, base).tolist(), strict=True))
     slow, fast = int(np.argmin(speeds)), int(np.argmax(speeds))
-    if any(log.data.on_course for log in logs):  # no two stretches have the same speed
-        like = np.abs(np.log(np.array(speeds)[:, None] / np.array(speeds))) < np.log(UNLIKE)
-        levels = [float(np.median(np.array(levels)[near])) for near in like]
     known = {}
     if speeds[fast] > 1.5 * speeds[slow] and "delta_mu_k" in names:
         known = {"a": 2.0 / speeds[fast], "delta_mu_k": min(1.2 * (levels[fast] - levels[slow]), -0.005)}
@@ -69,13 +73,28 @@ def level_starts(logs: Sequence[Prepared], unknowns: Unknowns) -> Array:
         value["delta_mu_k"] *= shares[int(np.argmax(np.all(growth < 0.5 * growth[-1], axis=1)))]
     share = 1.0 - float(np.exp(-value.get("a", 0.0) * speeds[slow]))
     mu_k0 = max(levels[slow] - value.get("delta_mu_k", 0.0) * share, 0.01)
-    peaked = any(log.fit_mode.name == "continuous" or log.data.on_course for log in logs)
+    peaked = any(log.fit_mode.name == "continuous" for log in logs)
     mu_s = max(float(np.max(quantiles)), mu_k0 + 0.02) if peaked else mu_k0 + 0.15
     rows = []
     for length, time in product(LENGTHS, times) if peaked else [(LENGTHS[0], TIMES[0])]:
         one = value | {"mu_s": mu_s, "mu_k0": mu_k0, "D": length, "t_cr": time}
         rows.append([one[name] for name in names])
     return np.unique(_inside(unknowns, unknowns.theta(np.array(rows), base)), axis=0)
+
+
+def _while_sliding(data: LogData, names: Sequence[str]) -> Array:
+    """Speeds of a mass that slides [m/s], and its coefficients of friction (2, n): along a course of the drive they
+    follow from what the spring has not taken of it, and from what then accelerates the mass."""
+    rig, rows = dict(zip(names, data.base.tolist(), strict=True)), np.flatnonzero(data.weight > 0)
+    rows = rows[(data.time[rows] >= data.begin) & (data.time[rows] <= data.end)]
+    width = max(int(MEAN * np.pi * np.sqrt(rig["mass"] / rig["stiffness"]) / data.interval), 1)
+    means = rows[: rows.size // width * width].reshape(-1, width)
+    time, force = (each[means].mean(axis=1) for each in (data.time, data.force))
+    speed = np.gradient(data.moved(time) - force / rig["stiffness"], time)
+    friction = (force - rig["mass"] * np.gradient(speed, time)) / data.normal_force.at(time)
+    slides = scipy.ndimage.binary_erosion(speed > SLIDES * np.max(speed), iterations=2)
+    slides |= speed == np.max(speed)  # beside a rest its speed is not smooth; one at least
+    return np.stack([speed, friction])[:, slides]
 
 
 def _inside(unknowns: Unknowns, theta: Array) -> Array:
