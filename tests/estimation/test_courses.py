@@ -9,19 +9,22 @@ import numpy as np
 import pytest
 
 from data_io import Record
+from experiments.record_kinds import slide_hold_slide
 from experiments.study_problem import DEMO, RIG
 from identify import Scene, fit
 from identify.base.errors import SceneError
 from identify.effects import MAIN
 from identify.logs.recorded_drive import recorded_drive
-from identify.logs.scene_records import prepare_scene
+from identify.logs.scene_records import prepare_scene, with_drives
 from identify.model.model import assemble
 from identify.scene.tables import Course
 from identify.shooting.layout import COARSE_GRID
 from identify.shooting.placing import follow
 from identify.shooting.shooting import shooting_problem
+from identify.shooting.starts import level_starts
 from identify.simulation.drive import Drive
 from identify.simulation.simulate import run
+from identify.simulation.sliding import growth_rates
 
 RAMPS, DURATION, NOISE = Course(ramps=((0.0, 0.5e-3), (2.5, 3e-3), (5.0, 0.5e-3))), 5.0, 3e-3
 
@@ -100,6 +103,28 @@ def test_the_course_behind_a_coarse_position_column_is_finer_than_its_resolution
     assert course is not None
     off = Drive.of(course, duration).motion(record.time)[0] - position
     assert np.std(off) < 0.5e-6 < np.std(wavy - position)
+
+
+def test_a_fast_sine_in_a_position_column_is_no_programme_of_many_steps() -> None:
+    sine, time = Course((1.8e-3, 3.0, 0.3)), np.arange(3000) / 1000
+    position = Drive.of(sine, 3.0).motion(time)[0]
+    columns = {"position": 1e-5 * np.round(1e5 * position)}, {"position": "m"}
+    found = recorded_drive(Record(time, np.ones(3000), np.ones(3000), channels=columns[0], channel_units=columns[1]))
+    assert found.course is not None
+    off = Drive.of(found.course, 3.0).motion(time)[0] - position
+    assert np.std(off) < 2e-6 < np.std(columns[0]["position"] - position)
+
+
+def test_starts_slide_steadily_where_a_log_does_and_seek_the_creep_up_to_the_longest_hold() -> None:
+    scene, record, truth = slide_hold_slide(0)
+    ready = prepare_scene(with_drives(scene, [record])[0], [record])
+    base, unknowns = ready.logs[0].data.base, ready.unknowns
+    starts = unknowns.values(level_starts(ready.logs, unknowns), base)
+    settings = np.column_stack([starts, np.ones(len(starts)), np.full(len(starts), 1e-3)])
+    assert np.all(growth_rates(unknowns.model, settings) < 0.0)
+    stated = np.append(unknowns.values(unknowns.start, base), [1.0, 1e-3])
+    assert growth_rates(unknowns.model, stated[None])[0] > 0.0
+    assert np.max(starts[:, unknowns.names.index("t_cr")]) > truth["t_cr"] > 5.0
 
 
 def test_a_course_that_is_misspelt_is_refused_by_name() -> None:
