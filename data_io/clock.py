@@ -16,7 +16,7 @@ from data_io.record import rises, step_range
 from data_io.source import Request, Source
 from data_io.text import read_date
 from data_io.units import factor
-from data_io.values import COLUMN_ROLES, LONGEST_GAP, Finding, FloatArray, UnitError
+from data_io.values import COLUMN_ROLES, LONGEST_GAP, Finding, FloatArray, UnitError, listed
 
 # Clocks as loggers leave them.
 
@@ -234,16 +234,12 @@ def joined(clocks: Sequence[StepClock]) -> tuple[list[float], list[Finding]]:
         anchor = i
     findings = []
     if overlapping:
-        text = f"by the starting times {_some(overlapping)} began before the step above ended; put right behind it"
+        text = f"by the starting times {listed(overlapping, most=3)} began before the step above ended; put behind it"
         findings.append(Finding("step_overlap", "warning", text))
     if unstated:
-        text = f"the pause before {_some(unstated)} is not stated in the log; one sampling interval was assumed"
+        text = f"the pause before {listed(unstated, most=3)} is not stated; one sampling interval was assumed"
         findings.append(Finding("step_gap_unknown", "warning", text))
     return offsets, findings
-
-
-def _some(labels: Sequence[str]) -> str:
-    return ", ".join(labels[:3]) + (f" and {len(labels) - 3} more" if len(labels) > 3 else "")
 
 
 # Even clocks for logs without a time column: the interval stands above the rows, or the user gave the rate.

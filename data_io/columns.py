@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 from data_io.units import kind_of
+from data_io.values import listed
 
 ALIASES: Final[Mapping[str, tuple[str, ...]]] = {
     "time": (
@@ -224,8 +225,8 @@ def role_indices(names: Sequence[Name], wanted: Mapping[str, str]) -> dict[str, 
 
 def shown(names: Iterable[str], most: int = 40) -> str:
     """Return column names for a sentence, however many and however long they are."""
-    listed = [name if len(name) <= _LONGEST_SHOWN else name[:_LONGEST_SHOWN] + "…" for name in names]
-    return ", ".join(map(repr, listed[:most])) + (f" and {len(listed) - most} more" if len(listed) > most else "")
+    short = (name if len(name) <= _LONGEST_SHOWN else name[:_LONGEST_SHOWN] + "…" for name in names)
+    return listed(map(repr, short), most)
 
 
 def words(role: str) -> str:

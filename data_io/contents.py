@@ -9,7 +9,7 @@ from typing import Final
 
 from data_io.columns import Header, Name, find_column, shown, words
 from data_io.source import Request, Source, file_sha256, members, sha256_of_several, split_member
-from data_io.values import COLUMN_ROLES, Finding, FloatArray, LogError, Scalar
+from data_io.values import COLUMN_ROLES, Finding, FloatArray, LogError, Scalar, listed
 
 # Steps as readers find them, and the choice among runs and steps that the user makes.
 
@@ -73,12 +73,12 @@ def of_run(source: Source, request: Request, parts: Sequence[Part]) -> list[Part
     if request.run is None and request.step is not None:
         runs = sorted({part.run for part in parts if part.number == request.step}) or runs
     if request.run is not None and request.run not in runs:
-        raise source.error(f"run {request.run} was asked for; runs in the log: {_listed(runs)}; choose one of them")
+        raise source.error(f"run {request.run} was asked for; runs in the log: {listed(runs)}; choose one of them")
     if request.run is None and len(runs) > 1:
         places = {part.run: part.run_items["table"] for part in parts if "table" in part.run_items}
         named = [f"{run} ({places[run]})" if run in places else str(run) for run in runs]
         beside = ", tables that stand side by side" if places else ""
-        raise source.error(f"runs in the log: {_listed(named)}{beside}; one was expected; choose one with --run")
+        raise source.error(f"runs in the log: {listed(named)}{beside}; one was expected; choose one with --run")
     run = [part for part in parts if part.run == (runs[0] if request.run is None else request.run)]
     if not any(part.rows for part in run):
         raise source.error("no rows of numbers were found below the header; at least two were expected; export again")
@@ -91,7 +91,7 @@ def chosen(source: Source, request: Request, run: Sequence[Part]) -> list[Part]:
         return [part for part in run if part.rows]
     chosen_parts = [part for part in run if part.number == request.step]
     if not chosen_parts:
-        steps = _listed([part.number for part in run])
+        steps = listed([part.number for part in run])
         raise source.error(f"step {request.step} was asked for; steps in the log: {steps}; choose one of them")
     if not chosen_parts[0].rows:
         raise source.error(f"step {request.step} holds no rows; at least two were expected; choose another step")
@@ -113,10 +113,6 @@ def check_request(source: Source, request: Request, header: Header) -> None:
                 f"a unit was given for {key!r}, which is no column; {', '.join(COLUMN_ROLES[:3])} or one of {names} "
                 "was expected; correct the name"
             )
-
-
-def _listed(numbers: Sequence[int] | Sequence[str]) -> str:
-    return ", ".join(map(str, numbers[:20])) + (", ..." if len(numbers) > 20 else "")
 
 
 # Several files that are one test: strokes or steps exported one by one, found by folder or pattern.
@@ -197,7 +193,7 @@ def joined_contents(path: Path, read: Sequence[tuple[Path, Contents]]) -> Conten
         varying = [i for i in range(len(digits[0])) if len({d[i] for d in digits}) > 1] if alike else []
         counted = [int(d[varying[0]]) for d in digits] if len(varying) == 1 else []
         if len(read) > 1 and (not counted or counted != list(range(counted[0], counted[0] + len(read)))):
-            names = ", ".join(p.name for p, _ in read[:4]) + (", ..." if len(read) > 4 else "")
+            names = listed((p.name for p, _ in read), most=4)
             raise LogError(
                 f"{path}: {len(read)} files were found ({names}) that neither say when they were started nor count up "
                 "by one in their names; the files of one test were expected; name single files"

@@ -31,7 +31,7 @@ from data_io.columns import Header, Name, coefficient_column, match_header, role
 from data_io.contents import Contents, Part
 from data_io.source import LEAST_SUSPECT, OF_DAMAGE, Request, Source
 from data_io.units import factor, scaled
-from data_io.values import COLUMN_ROLES, FloatArray, LogError, UnitError
+from data_io.values import COLUMN_ROLES, FloatArray, LogError, UnitError, listed
 from data_io.write import ABOUT, FORMAT, FORMAT_VERSION, Account, read_account
 
 if TYPE_CHECKING:
@@ -42,7 +42,6 @@ if TYPE_CHECKING:
 _UNITS: Final = ("units", "unit", "Units", "Unit", "column_units")
 _NAMES: Final = ("columns", "column_names", "names", "labels", "channels", "channel_names", "fields", "header")
 """Attributes in which programmes keep the names of the columns of a matrix."""
-_SHOWN: Final = 12
 _MOST_GROUPS: Final = 2000
 _PATIENCE: Final = 1
 """Seconds of computing after which a file whose structure is not walked through is given up; a sound one takes
@@ -320,9 +319,6 @@ def read(source: Source, request: Request) -> Contents:
         run = request.run
         if run is None:  # and where it is open which, nothing need be read
             numbers = {part.run for part, _ in tables if request.step in (None, part.number)}
-            if not numbers:
-                held = ", ".join(str(step) for step in sorted({part.number for part, _ in tables})[:_SHOWN])
-                raise source.error(f"step {request.step} was asked for; steps in the log: {held}; choose one of them")
             run = numbers.pop() if len(numbers) == 1 else None
         account, speed = Account({}), None
         if layout:
@@ -510,5 +506,4 @@ def _datasets(file: h5py.File) -> str:
     datasets = [item for group in _all_groups(file) for _, item in _children(group) if _is_dataset(item)]
     within = {item.name: [c.name for c in _columns_within(item)] for item in datasets if not _is_column(item)}
     names = [name for item in datasets for name in within.get(item.name, []) or [item.name]]
-    more = ", ..." if len(names) > _SHOWN else ""
-    return f"the datasets are {', '.join(names[:_SHOWN])}{more}" if names else "it holds no datasets"
+    return f"the datasets are {listed(names)}" if names else "it holds no datasets"

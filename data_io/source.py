@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import IO, Final, Self, cast
 
-from data_io.values import LogError
+from data_io.values import LogError, listed
 
 # SHA-256 of files, by which a log is told from another.
 
@@ -84,15 +84,15 @@ def _unpacked(path: Path, head: bytes, member: str | None) -> bytes | None:
     """Return the bytes of a packed log, None where it is not packed. Raises `LogError` for a damaged file or a trap."""
     if head.startswith(_ZIP) and zipfile.is_zipfile(path):
         names = members(path)
+        held = listed(names)
         if any(name in _EXCEL for name in names):  # a workbook is a zip, too
             return None
-        listed = ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")
         if member is None and len(names) != 1:
-            content = f"the archive holds {len(names)} files ({listed})" if names else "the archive holds no file"
+            content = f"the archive holds {len(names)} files ({held})" if names else "the archive holds no file"
             raise LogError(f"{path}: {content}; one log was expected; name one, as in {path.name}/<file>, or unpack it")
         member = names[0] if member is None else member
         if member not in names:
-            raise LogError(f"{path}: no {member!r} was found in the archive; it holds {listed}; name one of them")
+            raise LogError(f"{path}: no {member!r} was found in the archive; it holds {held}; name one of them")
     elif head.startswith(_GZIP):
         member = None
     else:

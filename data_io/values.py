@@ -1,6 +1,6 @@
 """Small frozen values that everything here is made of: errors, findings, steps, a mapping that cannot change."""
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Final, Literal, TypeVar, cast
 
@@ -94,6 +94,12 @@ class Step:
     def __post_init__(self) -> None:
         plain = {str(key).replace("\0", ""): str(value).replace("\0", "") for key, value in self.parameters.items()}
         object.__setattr__(self, "parameters", Frozen({key: value for key, value in plain.items() if key}))
+
+
+def listed(items: Iterable[object], most: int = 12) -> str:
+    """Return the first of many things for a sentence, and how many more there are."""
+    words = [str(item) for item in items]
+    return ", ".join(words[:most]) + (f" and {len(words) - most} more" if len(words) > most else "")
 
 
 def free_name(name: str, taken: Collection[str]) -> str:
