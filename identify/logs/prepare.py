@@ -20,7 +20,7 @@ from identify.base.errors import FitError
 from identify.base.result import LogCurves
 from identify.logs.judgement import ENDS_LOADING, RECORD_LONGER, Judgement, RecordPart, judge
 from identify.logs.log_data import LoadSpline, LogData, level, smooth, swing
-from identify.logs.noise import FEWEST_ROWS, SIGNIFICANT, bridged, line_slope, running_means, slope_error
+from identify.logs.noise import FEWEST_ROWS, SIGNIFICANT, bridged, line_slope, running_means, slope_error, white_noise
 from identify.logs.recorded_drive import changes_speed, turns_of_sign
 from identify.logs.regime import (
     SURE,
@@ -210,6 +210,8 @@ def segmented(entry: LogEntry, record: Record, rig: Rig, *, elastic: bool = True
     counted = used.copy()
     counted[inner] &= ~phases.spikes
     noise = rig.noise or phases.noise
+    if rig.noise is None and len(turns) > 1 and clock is not None:  # strokes that slide throughout bend like noise
+        noise = min(noise, white_noise(bridged(measured, ~np.isfinite(measured))))
     seen = time, measured, phases, noise, verdict
     return Segmented(entry, rig, drive, corrected, sign, force, used, counted, *seen, clock)
 
