@@ -10,8 +10,8 @@ import pytest
 
 from identify.base.errors import SimulationError
 from identify.cli.main import main
+from identify.prediction import sources
 from identify.prediction.maps import line_map, stability_map, write_map
-from identify.prediction.sources import Tested
 from identify.report.draw_map import draw_map
 from tests.support.maps_case import SITE, SPANS
 
@@ -44,7 +44,7 @@ def test_a_map_is_stored_whole(tmp_path, speed_and_stiffness):
 def test_a_picture_is_one_journal_column_wide(tmp_path, speed_and_stiffness, part):
     import matplotlib.image
 
-    tested = Tested({"drive_speed": (1e-3, 5e-3), "stiffness": (1e3, 2e3)})
+    tested = sources.Tested({"drive_speed": (1e-3, 5e-3), "stiffness": (1e3, 2e3)})
     draw_map(speed_and_stiffness, tmp_path / "map.png", part, [(1e-3, 1470.0), (5e-3, 1470.0)], tested)
     shape = matplotlib.image.imread(tmp_path / "map.png").shape
     assert shape[1] == pytest.approx(90 / 25.4 * 300, rel=0.01)
