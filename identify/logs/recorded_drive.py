@@ -27,7 +27,7 @@ from identify.scene.values import LogEntry
 from identify.simulation.drive import Drive
 
 Array = NDArray[np.float64]
-DriveCourse = float | Sequence[tuple[float, float]] | None
+DriveCourse = float | Sequence[tuple[float, float]] | Course | None
 
 SPEED_NAMES = (
     "drivespeed", "drivevelocity", "stagespeed", "stagevelocity", "slidingspeed", "slidingvelocity", "linearspeed",
@@ -124,7 +124,7 @@ def drive_of(record: Record, drive: RecordedDrive) -> DriveCourse:
     if record.drive_speed is not None and not isinstance(record.drive_speed, np.ndarray):
         return record.drive_speed
     if drive.programme is None:
-        return None
+        return drive.course
     speeds = [speed for _, speed in drive.programme]
     if min(speeds) < 0.0 < max(speeds):  # its rests are part of a stroke, and the force turns later than the drive
         return float(np.median(np.abs([speed for speed in speeds if speed])))
@@ -266,7 +266,7 @@ def _course_of(time: Array, values: Array, position: bool) -> Course | None:
         sd = np.full(x.size, white_noise(x))
     if t.size < FEWEST_ROWS:
         return None
-    t, x, sd = (each[:: t.size // ENOUGH + 1] for each in (t, x, np.maximum(sd, 1e-7 * float(np.ptp(x)))))
+    t, x, sd = (each[:: t.size // ENOUGH + 1] for each in (t, x, np.maximum(sd, 1e-5 * float(np.ptp(x)))))
     degree, best, lowest = 2 if position else 1, None, np.inf
     for share in SHARES:
         # with its full output it returns what it has to say of a close fit, and warns nobody
@@ -379,11 +379,16 @@ def strokes(record: Record, drive: DriveCourse) -> tuple[Stroke, ...]:
         record: the log; without steps it is one step.
         drive: [m/s], a programme ((start [s], speed), ...), or None where unknown. A drive that changes its speed by a
             programme begins a new stroke, and standstill is none; without one a lasting change of the sign of the
-            force does. A pause of the recording ends a stroke.
+            force does. A course turns where its speed changes its sign. A pause of the recording ends a stroke.
     """
     speed, starts, speeds = None, np.empty(0), np.empty(0)
     if isinstance(drive, int | float):
         speed = abs(float(drive)) if 0.0 < abs(drive) < np.inf else None
+    elif isinstance(drive, Course):
+        times, paces = np.array([pair for pair in drive.ramps if pair[1]], dtype=np.float64).T
+        (turns,) = np.nonzero(np.diff(np.sign(paces)))
+        ahead = paces[turns] / (paces[turns] - paces[turns + 1])
+        starts = np.append(-np.inf, times[turns] + ahead * np.diff(times)[turns])
     elif drive is not None:
         starts, speeds = np.array(drive, dtype=np.float64).T
     out = []
@@ -398,12 +403,12 @@ def strokes(record: Record, drive: DriveCourse) -> tuple[Stroke, ...]:
             parts = turns_of_sign(part) if len(changes) == 2 else [(a, b, 0) for a, b in pairwise(changes)]
             edges += [(rows.start + a, rows.start + b, way) for a, b, way in parts if b > a]
         at = {a: max(int(np.searchsorted(starts, record.time[a], side="right")) - 1, 0) for a, _, _ in edges}
-        moving = [own for own in edges if not starts.size or speeds[at[own[0]]]]
+        moving = [own for own in edges if not speeds.size or speeds[at[own[0]]]]
         for number, (first, last, way) in enumerate(moving or edges, start=1):
             negative = np.count_nonzero(record.friction_force[first:last] < 0)  # about zero: as in the file
             finite = np.count_nonzero(np.isfinite(record.friction_force[first:last]))
             direction = way or (-1 if negative > LEVEL_SHARE * finite else 1)
-            own = abs(float(speeds[at[first]])) or None if starts.size else speed
+            own = abs(float(speeds[at[first]])) or None if speeds.size else speed
             out.append(Stroke(run, step, number, first, last, direction, own))
     return tuple(out)
 
@@ -453,7 +458,7 @@ def one_speed(speeds: Sequence[float] | Array) -> bool:
 
 def changes_speed(drive: DriveCourse) -> bool:
     """Whether a drive has several speeds, or stands between moving one way."""
-    if drive is None or isinstance(drive, int | float):
+    if drive is None or isinstance(drive, int | float | Course):
         return False
     speeds = np.trim_zeros(np.array([speed for _, speed in drive]))  # what it rests before and after is no change
     rests = speeds.size > 0 and bool(np.any(speeds == 0.0)) and not speeds.min() < 0.0 < speeds.max()

@@ -12,7 +12,8 @@ from data_io.record import Step
 from identify import Scene
 from identify.base.errors import FitError
 from identify.cli import main as cli
-from identify.logs.recorded_drive import drive_position, speed_in, speed_of
+from identify.logs.recorded_drive import drive_of, drive_position, recorded_drive, speed_in, speed_of
+from identify.logs.regime import Regime, look
 from identify.logs.scene_records import with_drives, with_records
 
 CASES = Path(__file__).resolve().parents[1] / "cases"
@@ -139,3 +140,16 @@ def test_a_draft_has_the_programme_and_the_stiffness_by_stick(tmp_path, programm
 )
 def test_a_speed_in_a_file_name_is_seen_and_a_time_or_a_thickness_is_none(name, speed):
     assert speed_in(name) == speed
+
+
+def test_a_drive_on_a_sine_is_judged_stroke_by_stroke_as_the_drive_turns() -> None:
+    """Friction that nearly vanishes in every slip shows no strokes of its own."""
+    time = np.arange(8_900) / RATE
+    speed = 2e-3 * np.cos(2.0 * np.pi * 0.07 * time)
+    noise = 3e-3 * np.random.default_rng(1).standard_normal(time.size)
+    loaded = STIFFNESS * np.cumsum(np.abs(speed)) / RATE
+    sticks = Record(time, np.ones(time.size), np.sign(speed) * (0.02 + loaded % 0.7) + noise, drive_speed=speed)
+    found = look(sticks, drive_of(sticks, recorded_drive(sticks)))
+    assert found.regime is Regime.STICK_SLIP and [stroke.direction for stroke in found.strokes] == [1, -1, 1]
+    slides = replace(sticks, friction_force=0.4 * np.sign(speed) + noise)
+    assert look(slides, drive_of(slides, recorded_drive(slides))).regime is Regime.SLIDING
