@@ -24,7 +24,6 @@ FALSE_ALARMS = 0.01  # lines per log that white noise alone may show
 FEWEST_OF_SPECTRUM, EVEN = 64, 0.05  # samples, and share of an interval that intervals may differ, of a spectrum
 PER_PERIOD, MOST_DRAWN = 20, 60_000  # straight pieces per period of the fastest line, and of all of them
 WAVES, ROUNDS, PER_WAVE = 4, 4, 100  # sinusoids of a load at most, steps to a frequency, straight pieces per period
-WANDER = 4e-3  # of a sinusoid: no load swings more evenly
 ALIKE, UNLIKE = 6, 1.5  # cycles along a course that count as alike, at most, and times their lowest speed the highest
 JITTER = 0.3  # [s]: what has shorter periods is another one at the end of a slip than at its onset
 
@@ -191,9 +190,7 @@ def smooth(time: Array, normal_force: Array, name: str = "the log", cycles: int 
     stated, length = white * share / t.size, float(t[-1] - t[0])
     fast = int(2.0 * length / JITTER)
     jitter += max(float(np.sum(error[fast:])), float(np.sum(stated[fast:])))
-    wander = 0.5 * float(np.sum((WANDER * waves[:, 1:]) ** 2))
-    jitter += wander
-    variance = one * (count + waves.size) + max(float(np.sum(error)), float(np.sum(stated))) + wander
+    variance = one * (count + waves.size) + max(float(np.sum(error)), float(np.sum(stated)))
     if fastest:
         finer = int(np.clip(np.ceil(0.5 * PER_PERIOD * fastest / t.size), 1, max(MOST_DRAWN // t.size, 1)))
         wave = np.sqrt(finer) * scipy.fft.idct(np.pad(share * lines, (0, (finer - 1) * t.size)), norm="ortho")
