@@ -267,9 +267,6 @@ def _refitted(ended: Fitted, score: Score) -> _Cause | None:
             same = best.log_numbers == ended.logs
             others_alike = [j for j in near if j != mine and (same or table.scores[j].log is None)]
             alike = tuple((table.scores[j], float(size * ratio[j])) for j in others_alike)
-            if not best.fits:  # a motion from where the quantity was wrong may be another one
-                other, _ = search(SearchProblem(logs, unknowns, thorough=False))
-                best = other if other is not None and other.log_numbers == best.log_numbers and other.fits else best
             return _Cause(score, size, best, unknowns, step.error, alike) if abs(size) < column.most else None
     return None
 
