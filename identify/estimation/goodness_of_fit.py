@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from data_io.arrays import thinned
+from identify.base.linear import Factors, optimality_matrix
 from identify.base.quantiles import normal, student
 from identify.base.result import Status
 from identify.base.wording import START_VALUES, three_figures
@@ -309,24 +310,55 @@ def _load_pulls(solved: Solved, names: Sequence[str]) -> str:
 
 
 def odd_stick(solved: Solved, names: Sequence[str]) -> str:
-    """A sentence where the strength of one stick is off as no scatter of the others explains (Grubbs 1950); "" where
-    none is, or where sticks have no strengths of their own."""
-    layout = solved.problem.layout
-    off = layout.beside(solved.solution.x)[layout.varied]
-    if off.size < 3:
+    """A sentence where strengths of sticks, one or several, are off as no scatter of the others explains (Rosner 1983:
+    each time the farthest is taken out, until half are left); "" where none is, or sticks have none of their own."""
+    layout, sd = solved.problem.layout, max(log.strength_sd for log in solved.problem.logs)
+    if layout.varied.size < 4:
         return ""
-    worst = int(np.argmax(np.abs(off)))
-    times = abs(float(off[worst])) / float(np.sqrt(np.sum(np.delete(off, worst) ** 2) / (off.size - 1)))
-    if times < float(student(1.0 - 0.5 * CHANCE / off.size, off.size - 1)):
+    off, covariance = stick_deviations(solved)
+    # A stick that tells little of its strength keeps to the shared one.
+    shown = off / np.sqrt(np.maximum(sd**2 - np.diag(covariance), (1e-3 * sd) ** 2))
+    odd, scale = outliers(shown, CHANCE)
+    if not odd.size:
         return ""
+    worst = odd[np.argmax(np.abs(shown[odd]))]
     log = next(i for i, place in enumerate(layout.places) if layout.varied[worst] in place.strength)
     cycle = int(np.flatnonzero(layout.places[log].strength == layout.varied[worst])[0])
-    share = float(off[worst]) / layout.unknowns.strength(solved.theta)
+    share, times = float(off[worst]) / layout.unknowns.strength(solved.theta), abs(float(shown[worst])) / scale
+    others = "" if odd.size == 1 else f" ({odd.size} of {off.size} sticks are so)"
     return (
         f"{names[log]}, cycle {cycle + 1} fits only with a static friction {times:.0f} times as far off as the other "
-        f"sticks scatter, its strength (mu_s - mu_k0) off by {100.0 * share:+.2g} %: perhaps a slip was missed or "
-        "invented, or the force was cut off or disturbed; look at it in the report and exclude that stretch"
+        f"sticks scatter, its strength (mu_s - mu_k0) off by {100.0 * share:+.2g} %{others}: perhaps a slip was missed "
+        "or invented, or the force was cut off or disturbed; look at it in the report and exclude that stretch"
     )
+
+
+def outliers(values: Array, chance: float) -> tuple[Indices, float]:
+    """Which of some values (n,) are no normal numbers of one mean and spread, and the standard deviation of the others:
+    the farthest is taken out until half are left, and the last that is too far says how many are (Rosner, Technometrics
+    25, 1983); chance: that one of so many normal numbers is called so."""
+    taken, left, far, scale = list[int](), np.arange(values.size), 0, float(np.std(values, ddof=1))
+    for count in range(1, values.size // 2 + 1):
+        taken.append(int(left[np.argmax(np.abs(values[left] - np.mean(values[left])))]))
+        left = left[left != taken[-1]]
+        mean, spread = float(np.mean(values[left])), float(np.std(values[left], ddof=1))
+        limit = float(student(1.0 - 0.5 * chance / (left.size + 1), left.size - 1))
+        if abs(float(values[taken[-1]]) - mean) > limit * spread * (1.0 + 1.0 / left.size) ** 0.5:
+            far, scale = count, spread
+    return np.array(taken[:far], dtype=np.int64), scale
+
+
+def stick_deviations(solved: Solved) -> tuple[Array, Array]:
+    """By how much mu_s of every stick (s,) is off the shared one, and the covariance (s, s) of that, given the data."""
+    problem, layout = solved.problem, solved.problem.layout
+    point = problem.evaluate(solved.solution.z, derivatives=True)
+    about, columns = layout.prior_about[layout.varied], np.arange(layout.varied.size)
+    right = np.zeros((layout.size + layout.rows, columns.size))
+    right[layout.varied, columns] = layout.scale[layout.varied]
+    right[about, columns] -= layout.scale[about]
+    answer = Factors(optimality_matrix(point.hessian, point.jacobian)).solve(right)[: layout.size]
+    covariance = layout.beside(layout.scale[:, None] * answer)[layout.varied]
+    return layout.beside(solved.solution.x)[layout.varied], covariance
 
 
 def load_deviations(data: LogData, trajectory: ShootingTrajectory) -> Array:

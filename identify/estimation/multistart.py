@@ -118,9 +118,10 @@ def _solved(attempt: Attempt, unknowns: Unknowns, sizes: Array) -> Attempt | Non
     if found is None or len(found.log_numbers) < len(logs):
         return None
     found = replace(found, log_numbers=attempt.log_numbers, fitted_logs=attempt.fitted_logs)
-    if found.fits and found.solved.problem.samples != attempt.solved.problem.samples:  # a log was cut elsewhere
+    samples = attempt.solved.problem.samples
+    if found.fits and found.solved.problem.samples != samples:  # a log was cut elsewhere
         found = solve_again(found, replace(unknowns, start=found.solved.theta))
-    if not found.fits:
+    if not found.fits or found.solved.problem.samples != samples:
         return None
     return replace(found, solved=converged(found.solved, found.solved.problem, sizes) or found.solved)
 

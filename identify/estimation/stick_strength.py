@@ -15,8 +15,8 @@ import numpy as np
 import scipy
 
 from identify.base.budget import time_is_up
-from identify.base.linear import Factors, optimality_matrix
 from identify.estimation.attempt import Attempt, solve_again, solve_from
+from identify.estimation.goodness_of_fit import stick_deviations
 from identify.logs.prepare import Prepared
 from identify.logs.unknowns import Unknowns
 from identify.shooting.passes import Solved
@@ -67,15 +67,7 @@ def with_own_strengths(attempt: Attempt, prepared: list[Prepared], unknowns: Unk
 def likeliest(solved: Solved, sd: float) -> tuple[float, float]:
     """The scatter of largest marginal likelihood, from a solve with another one, and by how much 2 ln(likelihood) rises
     with it; 0 where none is likely."""
-    problem, layout = solved.problem, solved.problem.layout
-    point = problem.evaluate(solved.solution.z, derivatives=True)
-    about, columns = layout.prior_about[layout.varied], np.arange(layout.varied.size)
-    right = np.zeros((layout.size + layout.rows, columns.size))
-    right[layout.varied, columns] = layout.scale[layout.varied]
-    right[about, columns] -= layout.scale[about]
-    answer = Factors(optimality_matrix(point.hessian, point.jacobian)).solve(right)[: layout.size]
-    covariance = layout.beside(layout.scale[:, None] * answer)[layout.varied]  # of the deviations from the shared mu_s
-    deviations = layout.beside(solved.solution.x)[layout.varied]
+    deviations, covariance = stick_deviations(solved)
     size, directions = np.linalg.eigh(0.5 * (covariance + covariance.T))
     information = np.maximum(1.0 / np.clip(size, 1e-12 * sd**2, sd**2) - 1.0 / sd**2, 0.0)  # of the data alone
     pull = (directions.T @ deviations) * (information + 1.0 / sd**2)

@@ -31,7 +31,7 @@ TIMES = (0.2, 1.0, 5.0)  # t_cr [s]; longer ones, each times the last, up to the
 def level_starts(logs: Sequence[Prepared], unknowns: Unknowns) -> Array:
     """Theta (S, n_p) of starts from the levels of logs; where one slides steadily, so does the model."""
     speeds, levels, quantiles, times = list[float](), list[float](), list[Array](), list(TIMES)
-    sliding = list[Array]()
+    sliding, peaks = list[Array](), list[Array]()
     for data in (part.data for log in logs for part in log.one_way):
         drive = data.programme or Drive((0.0,), (data.drive_speed,))
         counted = (data.weight > 0) & (data.time >= data.begin) & (data.time <= data.end)
@@ -45,6 +45,7 @@ def level_starts(logs: Sequence[Prepared], unknowns: Unknowns) -> Array:
         if data.on_course:
             sliding.append(_while_sliding(data, unknowns.names))
             continue
+        peaks.append(_peaks_after_rests(data, drive, coefficient))
         for start, stop, speed in moving_pieces(drive, data.begin, data.end):
             # The level at the end of a stretch of constant speed.
             mine = (data.time >= stop - 0.4 * (stop - start)) & (data.time <= stop) & (data.weight > 0)
@@ -75,11 +76,39 @@ def level_starts(logs: Sequence[Prepared], unknowns: Unknowns) -> Array:
     mu_k0 = max(levels[slow] - value.get("delta_mu_k", 0.0) * share, 0.01)
     peaked = any(log.fit_mode.name == "continuous" for log in logs)
     mu_s = max(float(np.max(quantiles)), mu_k0 + 0.02) if peaked else mu_k0 + 0.15
+    if (told := _ageing(np.concatenate(peaks, axis=1)) if peaks else None) is not None:
+        times, mu_s = [told[0]], max(told[1], mu_k0 + 0.02)
     rows = []
     for length, time in product(LENGTHS, times) if peaked else [(LENGTHS[0], TIMES[0])]:
         one = value | {"mu_s": mu_s, "mu_k0": mu_k0, "D": length, "t_cr": time}
         rows.append([one[name] for name in names])
     return np.unique(_inside(unknowns, unknowns.theta(np.array(rows), base)), axis=0)
+
+
+def _peaks_after_rests(data: LogData, drive: Drive, coefficient: Array) -> Array:
+    """How long the contact rested after each stop of the drive [s], and the highest coefficient of friction afterwards,
+    (2, n)."""
+    out = []
+    for start, stop, _ in moving_pieces(drive, data.begin, data.end):
+        stopped = max((begin for begin in drive.starts if begin < start), default=np.nan)
+        rows = np.flatnonzero((data.time >= start) & (data.time <= stop) & (data.weight > 0))
+        if drive.at(stopped) == 0.0 and rows.size:
+            peak = rows[int(np.argmax(coefficient[rows]))]
+            out.append((float(data.time[peak]) - stopped, float(coefficient[peak])))
+    return np.reshape(out, (-1, 2)).T
+
+
+def _ageing(peaks: Array) -> tuple[float, float] | None:
+    """Time [s] and end of the exponential by which peaks (2, n) rise with their rests; None where they are too few, or
+    do not rise."""
+    rests, heights = peaks
+    best: tuple[float, float, float] | None = None
+    for time in np.geomspace(np.min(rests) / LONGER, np.max(rests), 64).tolist() if np.unique(rests).size > 3 else ():
+        columns = np.stack([np.ones(rests.size), -np.expm1(-rests / time)], axis=1)
+        (first, rise), left = np.linalg.lstsq(columns, heights)[:2]
+        if rise > 0.0 and left.size and (best is None or left[0] < best[0]):
+            best = float(left[0]), time, float(first + rise)
+    return None if best is None else best[1:]
 
 
 def _while_sliding(data: LogData, names: Sequence[str]) -> Array:
@@ -309,17 +338,18 @@ def candidates(unknowns: Unknowns, features: list[Features], bases: list[Array])
     period = np.array([f.period if np.isfinite(f.period) else 1.0 for f in features])
     share = drop / load / np.max(drop / load)
     tellable = (share > 0.05) & (share < 0.97)
-    t_cr = float(np.min(period) / 3)
+    times = float(np.min(period)) / np.array([3.0, 0.2])  # of one speed no level tells it
     if np.any(tellable):
-        t_cr = float(np.exp(np.mean(np.log(-period[tellable] / np.log1p(-share[tellable])))))
+        times = np.exp(np.mean(np.log(-period[tellable] / np.log1p(-share[tellable])), keepdims=True))
     names, base = unknowns.names, bases[largest]
     value = dict(zip(names, unknowns.values(unknowns.start, base).tolist(), strict=True))
     relative, length = drop[largest] / load[largest], drop[largest] / value["stiffness"]
     peak_speed = 0.5 * drop[largest] / np.sqrt(value["stiffness"] * value.get("mass", 0.2))
     rows = []
-    for a_v, share_d, weakening in product((1.7, 6.0), (0.08, 0.18), (0.1, 0.27)):
+    for a_v, share_d, weakening, t_cr in product((1.7, 6.0), (0.08, 0.18), (0.1, 0.27), times.tolist()):
         mu_k0 = max(top - 0.5 * relative * (1 - 0.7 * weakening), 0.2 * top)
-        one = value | {"mu_s": top, "mu_k0": mu_k0, "delta_mu_k": -weakening * relative, "a": a_v / peak_speed}
+        mu_s = mu_k0 + (top - mu_k0) / -np.expm1(-np.max(period) / t_cr)
+        one = value | {"mu_s": mu_s, "mu_k0": mu_k0, "delta_mu_k": -weakening * relative, "a": a_v / peak_speed}
         one |= {"D": share_d * length, "t_cr": t_cr}
         rows.append([one[name] for name in names])
     return _inside(unknowns, unknowns.theta(np.array(rows), base))

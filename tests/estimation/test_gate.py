@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from identify.base.result import Status
-from identify.estimation.goodness_of_fit import inconsistency, pass_gate
+from identify.estimation.goodness_of_fit import inconsistency, outliers, pass_gate
 from identify.model.model import SPEED
 from identify.shooting.layout import COARSE_GRID
 from identify.shooting.passes import solve_in_passes
@@ -151,3 +151,19 @@ def test_a_slip_that_runs_backwards_is_named(right, phase) -> None:
     wrong = replace(trajectory, nodes=nodes)
     said = [inconsistency([log], [each], unknowns, right.theta, ["log"]) for each in (trajectory, wrong)]
     assert said[0] is None and "cycle 2: at this answer the slip reverses before it ends" in said[1]
+
+
+ROSNER = (
+    -0.25, 0.68, 0.94, 1.15, 1.20, 1.26, 1.26, 1.34, 1.38, 1.43, 1.49, 1.49, 1.55, 1.56, 1.58, 1.65, 1.69, 1.70, 1.76,
+    1.77, 1.81, 1.91, 1.94, 1.96, 1.99, 2.06, 2.09, 2.10, 2.14, 2.15, 2.23, 2.24, 2.26, 2.35, 2.37, 2.40, 2.47, 2.54,
+    2.62, 2.64, 2.90, 2.92, 2.92, 2.93, 3.21, 3.26, 3.30, 3.59, 3.68, 4.30, 4.64, 5.34, 5.42, 6.01,
+)  # fmt: skip
+
+
+def test_outliers_are_those_of_the_published_example_and_hide_each_other_in_vain():
+    """NIST/SEMATECH e-Handbook of Statistical Methods, 1.3.5.17.3: three at the 5 % level."""
+    assert set(outliers(np.array(ROSNER), 0.05)[0]) == {51, 52, 53}
+    drawn = np.random.default_rng(7).standard_normal((1000, 40))
+    assert 0.03 < np.mean([outliers(row, 0.05)[0].size > 0 for row in drawn]) < 0.075
+    half = np.where(np.arange(40) < 16, 30.0 * (-1.0) ** np.arange(40), drawn[0])
+    assert set(outliers(half, 1e-7)[0]) == set(range(16))
