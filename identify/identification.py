@@ -261,11 +261,10 @@ def _estimated(task: Task) -> tuple[list[Prepared], Findings]:
         return prepared, elsewhere
     if refused := wrong_unit(prepared):
         return prepared, Findings(Status.MODEL_MISFIT, refused, unknowns)
+    known = task.known
     for explained in (partial(takes_misfit, unknowns=unknowns), SearchProblem.explained):
         with within(SEARCH_SHARE * seconds_left()):
-            problem = SearchProblem(
-                task.logs, unknowns, task.starts, task.seed, True, explained, task.known, task.progress
-            )
+            problem = SearchProblem(task.logs, unknowns, task.starts, task.seed, True, explained, known, task.progress)
             attempt, left_out = search(problem)
         if attempt is not None:
             prepared = with_strengths(task.logs, attempt.fitted_logs[0].data.strength_sd)
@@ -274,7 +273,9 @@ def _estimated(task: Task) -> tuple[list[Prepared], Findings]:
             findings = _quantified(task, prepared, attempt, left_out)
             findings = explain(findings, task.scene, task.records, prepared, task.progress)
         unclear = findings.status in MISFITS and not findings.explained
-        if attempt is None or not (unclear and takes_misfit(attempt, unknowns)):
+        if findings.met is not None:
+            known = findings.met
+        elif attempt is None or not (unclear and takes_misfit(attempt, unknowns)):
             break  # else the search ended for what is no cause
     with stage("intervals"):
         prepared, findings = _with_rig_estimated(task, prepared, findings)

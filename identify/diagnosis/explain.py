@@ -208,9 +208,13 @@ def _with_cause(findings: Findings, scene: Scene, read: Sequence[Record], ended:
         near = cause is not None and cause.attempt.excess < REMAINS * attempt.excess
         classes.insert(0 if near else len(classes), some)
         if cause is not None and cause.attempt.fits and cause.attempt.excess < enough:
-            # Where it hardly had to move, the misfit was the search's.
             unsure = with_effect or cause.score.column.change is None  # its error is that of the score before
-            causes += [cause] if unsure or abs(cause.size) > np.sqrt(CLEAR) * cause.error else []
+            if unsure or abs(cause.size) > np.sqrt(CLEAR) * cause.error:
+                causes.append(cause)
+            else:  # where it hardly had to move, the misfit was the search's
+                of_it = np.array(unknowns.names) == cause.score.column.name
+                findings = replace(findings, met=np.where(of_it, attempt.solved.theta, cause.attempt.solved.theta))
+                break
     causes.sort(key=lambda cause: cause.attempt.excess)
     causes = [each for each in causes if each.attempt.excess < causes[0].attempt.excess + CLEAR]
     rows = _rows(scene, attempt, unknowns, table, causes)

@@ -25,13 +25,14 @@ from identify.logs.log_data import LogData
 from identify.logs.regime import Known, hidden_rhythm
 from identify.logs.unknowns import Unknowns
 from identify.model.model import SPEED
+from identify.shooting.blocks import SlideBlock
 from identify.shooting.passes import SETTLED, Solved
 from identify.shooting.shooting_trajectory import ShootingTrajectory, turned_back
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-OVERALL = 5.0  # standard deviations of chi^2 over all samples
+OVERALL = 5.0  # standard deviations of chi^2 over all samples, and over those of slips
 PER_CYCLE = 6.0  # standard deviations of chi^2 of one cycle, and of what one random effect is off
 NOISE_ERROR = 0.015  # relative error of an estimated noise level
 QUIETEST = 0.7  # of the variance measured in the sticks: less is no error of measuring noise
@@ -91,8 +92,9 @@ def pass_gate(solved: Solved, names: Sequence[str], noise_estimated: Sequence[bo
     chi2, levels = float(squares.sum()) / max(float(counts.sum()), 1.0), np.ones(len(names))
     estimated = np.array(noise_estimated, dtype=bool)
     cycles = [(names[i], n + 1) for i, n in zip(log.tolist(), cycle.tolist(), strict=True)]
-    level, z, total, allowed = _standardised(squares, counts, log, estimated)
-    status, message = _chi_square(solved, total, allowed, z, cycles)
+    level, z, whole = _standardised(squares.sum(axis=0), counts.sum(axis=0), log, estimated)
+    sliding = _standardised(squares[1], counts[1], log, estimated)[2]
+    status, message = _chi_square(solved, [whole, sliding], z, cycles)
     sound = solved.solution.success and solved.event_shift < SETTLED
     if status in (Status.MODEL_MISFIT, Status.WRONG_EVENT_COUNT) and sound:
         # Squares and samples, of what slips and what does not, of each cycle.
@@ -106,12 +108,13 @@ def pass_gate(solved: Solved, names: Sequence[str], noise_estimated: Sequence[bo
             cell = log.size * slides(data, trajectory)[known] + np.flatnonzero(log == number)[part]
             halves[0] += np.bincount(cell, white[-1][known] ** 2, 2 * log.size)
             halves[1] += np.bincount(cell, minlength=2 * log.size)
-        _, each, total, allowed = _standardised(halves[0], halves[1], np.tile(log, 2), estimated)
-        fits = _chi_square(solved, total, allowed, each, 2 * cycles)[0] is Status.CONVERGED
+        _, each, whole = _standardised(halves[0], halves[1], np.tile(log, 2), estimated)
+        squares, counts = halves.reshape(2, 2, -1)
+        sliding = _standardised(squares[1], counts[1], log, estimated)[2]
+        fits = _chi_square(solved, [whole, sliding], each, 2 * cycles)[0] is Status.CONVERGED
         if fits and not repeats(solved, white):
             status, levels = Status.CONVERGED, np.where(estimated, np.maximum(level, 1.0), 1.0)
-            squares, counts = halves.reshape(2, 2, -1).sum(axis=1)
-            z = _standardised(squares, counts, log, estimated)[1]
+            z = _standardised(squares.sum(axis=0), counts.sum(axis=0), log, estimated)[1]
             measured = f"{chi2:.3f} of the variance measured in the sticks"
             message = f"all {z.size} cycles fit within autocorrelated noise (misfit {measured})"
     if status is Status.CONVERGED:
@@ -134,8 +137,8 @@ def pass_gate(solved: Solved, names: Sequence[str], noise_estimated: Sequence[bo
 
 def _standardised(
     squares: Array, counts: Array, log: Indices, estimated: NDArray[np.bool_]
-) -> tuple[Array, Array, float, float]:
-    """Variance that each log leaves, standardised misfit of cycles, chi^2 over what is expected, its tolerance."""
+) -> tuple[Array, Array, tuple[float, float]]:
+    """Variance that each log leaves, standardised misfit of cycles, chi^2 over what is expected with its tolerance."""
     # chi^2 scales with the inverse square of the noise: an estimated noise widens what is credible.
     slack = 2.0 * NOISE_ERROR * estimated
     by_log = np.bincount(log, weights=counts, minlength=estimated.size)
@@ -146,28 +149,31 @@ def _standardised(
     samples = max(float(counts.sum()), 1.0)
     allowed = OVERALL * np.sqrt(2.0 / samples) + float(slack @ by_log) / samples
     chi2 = float(squares.sum()) / max(float(expected @ counts), 1.0)
-    return level, (squares - expected * counts) / (expected * spread), chi2, allowed
+    return level, (squares - expected * counts) / (expected * spread), (chi2, allowed)
 
 
 def _per_cycle(solved: Solved) -> tuple[Array, Array, Indices, Indices]:
-    """Sum of squared weighted residuals and number of samples of every cycle or slide, its log and number (from 0).
-    What follows the last slip of a log counts to its last cycle."""
+    """Sum of squared weighted residuals and number of samples (2, c), of what slips of every cycle second, its
+    log and number (from 0). What follows the last slip of a log counts to its last cycle."""
     last = np.array([trajectory.parts - 1 for trajectory in solved.trajectories])
     offsets = np.concatenate([[0], np.cumsum(last + 1)])
-    squares, counts = np.zeros(offsets[-1]), np.zeros(offsets[-1])
+    squares, counts = np.zeros((2, 2, offsets[-1]))
     costs = solved.problem.block_costs(solved.solution.z)
     for family, moments, cost in zip(solved.problem.layout.families, solved.problem.moments, costs, strict=True):
         index = offsets[family.log] + np.minimum(family.cycle, last[family.log])
-        squares += np.bincount(index, weights=cost, minlength=squares.size)
-        counts += np.bincount(index, weights=moments.count, minlength=squares.size)
+        half = int(isinstance(family.block.kind, SlideBlock))
+        squares[half] += np.bincount(index, weights=cost, minlength=offsets[-1])
+        counts[half] += np.bincount(index, weights=moments.count, minlength=offsets[-1])
     log = np.repeat(np.arange(last.size), last + 1)
-    return squares, counts, log, np.arange(squares.size) - offsets[log]
+    return squares, counts, log, np.arange(log.size) - offsets[log]
 
 
 def _chi_square(
-    solved: Solved, chi2: float, allowed: float, z: Array, cycles: Sequence[tuple[str, int]]
+    solved: Solved, chi2s: Sequence[tuple[float, float]], z: Array, cycles: Sequence[tuple[str, int]]
 ) -> tuple[Status, str]:
-    """Status and sentence by the sums of squares of the record and of every cycle, and by the end of the solver."""
+    """Status and sentence by the sums of squares of the record, of its slips (each chi^2 over what is expected,
+    and its tolerance: long rests hide slips), and of every cycle, and by the end of the solver."""
+    (chi2, allowed), (sliding, allowed_sliding) = chi2s
     solution, ended = solved.solution, solved.solution.return_status
     if not np.isfinite(chi2):
         return Status.SOLVER_FAILED, (
@@ -183,7 +189,8 @@ def _chi_square(
                 f"the logs have no noise: the curve misses them by {missed:.1g} of their force, as a simulation does; "
                 "the intervals are those of the noise that was assumed"
             )
-    if abs(chi2 - 1.0) <= allowed and float(np.max(off, initial=0.0)) <= PER_CYCLE:
+    slid = abs(sliding - 1.0) <= allowed_sliding
+    if abs(chi2 - 1.0) <= allowed and slid and float(np.max(off, initial=0.0)) <= PER_CYCLE:
         failed = (
             f"the curve fits, but the solver ended with {ended} after {solved.iterations} iterations and its event "
             f"times move by {solved.event_shift:.2g} samples per pass; {START_VALUES}, or fix a parameter that these "
@@ -206,9 +213,10 @@ def _chi_square(
             "variance; if the noise is stated, state less; if not, slips of few samples counted as noise while it "
             'was measured: sample faster, or give the noise of the force sensor under [rig], noise = "… N"'
         )
+    where = "" if slid else f" ({sliding:.3g} in its slips)"
     stopped = "" if solution.success else f"; the solver stopped with {ended}, and may do better: {START_VALUES}"
     return Status.MODEL_MISFIT, (
-        f"the model does not describe these data: misfit {chi2:.3g} times the noise variance, "
+        f"the model does not describe these data: misfit {chi2:.3g} times the noise variance{where}, "
         f"{np.count_nonzero(off > PER_CYCLE)} of {z.size} cycles beyond {PER_CYCLE:g} standard deviations, worst "
         f"{name}, cycle {number} ({z[worst]:.0f}); see the cycle scatter in the report{stopped}"
     )

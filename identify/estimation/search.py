@@ -106,14 +106,14 @@ def search(problem: SearchProblem) -> tuple[Attempt | None, dict[int, str]]:
 def _starts(problem: SearchProblem, starting: list[int]) -> Iterator[tuple[str, Array]]:
     """Starts (n_p,) in the order in which they deserve a solve, each with its strategy."""
     chosen = [problem.prepared[i] for i in starting]
+    if problem.known is not None:
+        yield "known start", problem.known
     apart = [log.pieces if not log.data.on_course and log.typical else () for log in chosen]  # with cycles of their own
     if any(apart) and in_time("pieces first"):
         pieces = [piece for log, own in zip(chosen, apart, strict=True) for piece in (own or (log,))]
         known, _ = search(replace(problem, prepared=pieces, progress=to_nobody))
         if known is not None:
             yield "pieces first", known.solved.theta
-    if problem.known is not None:
-        yield "comparison of effects", problem.known
     even = alike(chosen)
     problem.progress("finding a start", 0.1)
     cutoff, seed = np.inf if problem.thorough else COST_CUTOFF, problem.seed if even else None

@@ -25,6 +25,7 @@ Array = NDArray[np.float64]
 HALVINGS, LONGER = 8, 5.0  # of delta_mu_k until steady sliding fades at half the pace of the rig alone; times t_cr
 MEAN, SLIDES = 0.15, 0.2  # of half a period: means of a force; of the highest speed: the mass slides
 LENGTHS = (10e-6, 40e-6)  # D [m]
+LESS, TOLD = 0.2, 0.5  # times the usual delta_mu_k; share of the variance of peaks that is left where rests tell them
 TIMES = (0.2, 1.0, 5.0)  # t_cr [s]; longer ones, each times the last, up to the longest rest of the drive
 
 
@@ -45,7 +46,7 @@ def level_starts(logs: Sequence[Prepared], unknowns: Unknowns) -> Array:
         if data.on_course:
             sliding.append(_while_sliding(data, unknowns.names))
             continue
-        peaks.append(_peaks_after_rests(data, drive, coefficient))
+        peaks.append(_after_holds(data, drive, coefficient))
         for start, stop, speed in moving_pieces(drive, data.begin, data.end):
             # The level at the end of a stretch of constant speed.
             mine = (data.time >= stop - 0.4 * (stop - start)) & (data.time <= stop) & (data.weight > 0)
@@ -73,20 +74,25 @@ def level_starts(logs: Sequence[Prepared], unknowns: Unknowns) -> Array:
         growth = growth_rates(unknowns.model, tried.reshape(-1, tried.shape[-1])).reshape(shares.size, -1)
         value["delta_mu_k"] *= shares[int(np.argmax(np.all(growth < 0.5 * growth[-1], axis=1)))]
     share = 1.0 - float(np.exp(-value.get("a", 0.0) * speeds[slow]))
-    mu_k0 = max(levels[slow] - value.get("delta_mu_k", 0.0) * share, 0.01)
-    peaked = any(log.fit_mode.name == "continuous" for log in logs)
-    mu_s = max(float(np.max(quantiles)), mu_k0 + 0.02) if peaked else mu_k0 + 0.15
-    if (told := _ageing(np.concatenate(peaks, axis=1)) if peaks else None) is not None:
-        times, mu_s = [told[0]], max(told[1], mu_k0 + 0.02)
-    rows = []
-    for length, time in product(LENGTHS, times) if peaked else [(LENGTHS[0], TIMES[0])]:
-        one = value | {"mu_s": mu_s, "mu_k0": mu_k0, "D": length, "t_cr": time}
+    peaked, steps = any(log.fit_mode.name == "continuous" for log in logs), [value.get("delta_mu_k", 0.0)]
+    if sliding and "delta_mu_k" in names and not known:
+        steps += [LESS * steps[0]]
+    peaks += [_of_sticks(log) for log in logs if log.data.on_course]
+    told, rows = _ageing(np.concatenate([np.empty((2, 0)), *peaks], axis=1)), []
+    if told is not None:  # sticks of strokes are of few lengths: these tell it less surely than holds
+        times = [told[0], *(times if sliding else ())]
+    grid = product(LENGTHS, times, steps)
+    for length, time, step in grid if peaked else [(LENGTHS[0], TIMES[0], steps[0])]:
+        mu_k0 = max(levels[slow] - step * share, 0.01)
+        top = float(np.max(quantiles)) if told is None else told[1]
+        mu_s = max(top, mu_k0 + 0.02) if peaked else mu_k0 + 0.15
+        one = value | {"mu_s": mu_s, "mu_k0": mu_k0, "D": length, "t_cr": time, "delta_mu_k": step}
         rows.append([one[name] for name in names])
     return np.unique(_inside(unknowns, unknowns.theta(np.array(rows), base)), axis=0)
 
 
-def _peaks_after_rests(data: LogData, drive: Drive, coefficient: Array) -> Array:
-    """How long the contact rested after each stop of the drive [s], and the highest coefficient of friction afterwards,
+def _after_holds(data: LogData, drive: Drive, coefficient: Array) -> Array:
+    """How long the contact rested from each stop of the drive on [s], and the highest coefficient of friction after it,
     (2, n)."""
     out = []
     for start, stop, _ in moving_pieces(drive, data.begin, data.end):
@@ -98,17 +104,26 @@ def _peaks_after_rests(data: LogData, drive: Drive, coefficient: Array) -> Array
     return np.reshape(out, (-1, 2)).T
 
 
+def _of_sticks(log: Prepared) -> Array:
+    """How long each stick of a log lasted that follows a slip [s], and its last coefficient of friction, (2, n)."""
+    cycles = log.segmentation.cycles
+    heights = np.abs(cycles.onset_force) / log.data.normal_force.at(cycles.onset)
+    return np.stack([cycles.onset[1:] - cycles.arrest[:-1], heights[1:]])
+
+
 def _ageing(peaks: Array) -> tuple[float, float] | None:
-    """Time [s] and end of the exponential by which peaks (2, n) rise with their rests; None where they are too few, or
-    do not rise."""
-    rests, heights = peaks
-    best: tuple[float, float, float] | None = None
-    for time in np.geomspace(np.min(rests) / LONGER, np.max(rests), 64).tolist() if np.unique(rests).size > 3 else ():
+    """Time [s] and end of the exponential by which peaks (2, n) rise with their rests; None where they do not tell."""
+    rests, heights = peaks[:, peaks[0] > 0.0]
+    if np.unique(rests).size < 4:
+        return None
+    times, fits = np.geomspace(np.min(rests) / LONGER, np.max(rests), 64), list[tuple[float, float, float]]()
+    for time in times.tolist():
         columns = np.stack([np.ones(rests.size), -np.expm1(-rests / time)], axis=1)
         (first, rise), left = np.linalg.lstsq(columns, heights)[:2]
-        if rise > 0.0 and left.size and (best is None or left[0] < best[0]):
-            best = float(left[0]), time, float(first + rise)
-    return None if best is None else best[1:]
+        if rise > 0.0 and left.size and left[0] < TOLD * rests.size * np.var(heights):
+            fits.append((float(left[0]), time, float(first + rise)))
+    _, time, end = min(fits, default=(0.0, np.inf, np.nan))
+    return (time, end) if time < times[-1] else None
 
 
 def _while_sliding(data: LogData, names: Sequence[str]) -> Array:

@@ -153,6 +153,24 @@ def test_a_slip_that_runs_backwards_is_named(right, phase) -> None:
     assert said[0] is None and "cycle 2: at this answer the slip reverses before it ends" in said[1]
 
 
+def test_slips_that_misfit_are_not_hidden_by_long_rests(right):
+    """Three tenths more variance in the slips alone: the record as a whole and every cycle are as noisy as they may."""
+
+    def louder(data):
+        out = []
+        for log, trajectory in zip(data, right.trajectories, strict=True):
+            slides = np.searchsorted(trajectory.onset, log.time) != np.searchsorted(trajectory.arrest, log.time)
+            more = 0.55 * log.noise * np.random.default_rng(3).standard_normal(log.time.size)
+            out.append(replace(log, force=log.force + np.where(slides, more, 0.0)))
+        return out
+
+    gate = pass_gate(_fit(louder), NAMES, EXACT)
+    assert abs(gate.chi2_per_sample - 1) < 5 * np.sqrt(2 / right.problem.samples)
+    assert np.max(np.abs(gate.z)) < 6
+    assert gate.status is Status.MODEL_MISFIT
+    assert "in its slips" in gate.message
+
+
 ROSNER = (
     -0.25, 0.68, 0.94, 1.15, 1.20, 1.26, 1.26, 1.34, 1.38, 1.43, 1.49, 1.49, 1.55, 1.56, 1.58, 1.65, 1.69, 1.70, 1.76,
     1.77, 1.81, 1.91, 1.94, 1.96, 1.99, 2.06, 2.09, 2.10, 2.14, 2.15, 2.23, 2.24, 2.26, 2.35, 2.37, 2.40, 2.47, 2.54,
