@@ -196,24 +196,28 @@ def segmented(entry: LogEntry, record: Record, rig: Rig, *, elastic: bool = True
     inner = slice(int(np.argmax(used)), used.size - int(np.argmax(used[::-1])))
     time, measured = record.time[inner], shown(force, used)[inner]
     clock, turns = DriveClock.of(drive, time) if drive.accelerates else None, strokes_of(drive, time, rig)
-    if clock is not None:
+    known, seen = Known(rig.stiffness if elastic else 0.0, 0.0, rig.half_period or 0.0, rig.plate), measured
+    if clock is not None:  # by that clock nothing swings as it does in time
+        known, seen = replace(known, plate=None), _at_drive(time, bridged(measured, ~np.isfinite(measured)), drive, rig)
         time, drive = clock.shown, Drive.of(clock.speed)
-    known = Known(rig.stiffness if elastic else 0.0, max(drive.speeds), rig.half_period or 0.0, rig.plate)
+    known = replace(known, drive_speed=max(drive.speeds))
     if not drive.constant:
         verdict = _verdict_on_programme(time, measured, rig, drive, known)
     else:
         turns = turns_of_sign(measured) if clock is None else turns
-        verdict = of_strokes(time, measured, turns, known, rig.noise)
+        verdict = of_strokes(time, seen, turns, known, rig.noise)
     phases = verdict.phases
     if phases.low_snr:  # half lost in the noise: those that the period of the rig shows; the model fills in the others
-        phases = segment(time, measured, half_period=rig.half_period or None, noise=rig.noise, plate=rig.plate)
+        phases = segment(time, seen, half_period=rig.half_period or None, noise=rig.noise, plate=known.plate)
     counted = used.copy()
     counted[inner] &= ~phases.spikes
     noise = rig.noise or phases.noise
-    if rig.noise is None and len(turns) > 1 and clock is not None:  # strokes that slide throughout bend like noise
-        noise = min(noise, white_noise(bridged(measured, ~np.isfinite(measured))))
-    seen = time, measured, phases, noise, verdict
-    return Segmented(entry, rig, drive, corrected, sign, force, used, counted, *seen, clock)
+    if rig.noise is None and clock is not None and (len(turns) > 1 or rig.plate is not None):
+        # Strokes that slide throughout bend like noise, and at the drive there is less of it than on a plate.
+        noise = min(noise if rig.plate is None else np.inf, white_noise(bridged(measured, ~np.isfinite(measured))))
+    return Segmented(
+        entry, rig, drive, corrected, sign, force, used, counted, time, measured, phases, noise, verdict, clock
+    )
 
 
 def _drive(rig: Rig, entry: LogEntry, record: Record) -> Drive:
@@ -775,10 +779,18 @@ def _left_out(fit_mode: FitMode, log: Segmented, judgement: Judgement) -> str | 
 
 def at_drive(log: Prepared) -> LogData:
     """The data of a log with the force that a load cell at the drive shows; where it was measured there, its own."""
-    data = log.data
+    data, drive = log.data, log.data.programme if log.data.on_course else None
     if log.rig.plate is None:
         return data
-    return replace(data, force=drive_force(data.time, bridged(data.force, data.weight == 0.0), *log.rig.plate))
+    return replace(data, force=_at_drive(data.time, bridged(data.force, data.weight == 0.0), drive, log.rig))
+
+
+def _at_drive(time: Array, force: Array, drive: Drive | None, rig: Rig) -> Array:
+    """A force (n,) as a load cell at the drive shows it, also where a drive accelerates its mass."""
+    if rig.plate is None:
+        return force
+    pushed = 0.0 if drive is None else (rig.mass or 0.0) * np.gradient(drive.motion(time)[1], time)
+    return drive_force(time, force + pushed, *rig.plate)
 
 
 def settled_part(prepared: Prepared) -> Prepared | None:

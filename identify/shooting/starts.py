@@ -11,7 +11,7 @@ import scipy
 from numpy.typing import NDArray
 
 from identify.logs.log_data import LogData
-from identify.logs.prepare import Prepared, moving_pieces
+from identify.logs.prepare import Prepared, at_drive, moving_pieces
 from identify.logs.unknowns import Unknowns
 from identify.model.model import assemble
 from identify.shooting import batch
@@ -33,7 +33,7 @@ def level_starts(logs: Sequence[Prepared], unknowns: Unknowns) -> Array:
     """Theta (S, n_p) of starts from the levels of logs; where one slides steadily, so does the model."""
     speeds, levels, quantiles, times = list[float](), list[float](), list[Array](), list(TIMES)
     sliding, peaks = list[Array](), list[Array]()
-    for data in (part.data for log in logs for part in log.one_way):
+    for data in (at_drive(part) for log in logs for part in log.one_way):
         drive = data.programme or Drive((0.0,), (data.drive_speed,))
         counted = (data.weight > 0) & (data.time >= data.begin) & (data.time <= data.end)
         counted &= drive.motion(data.time)[1] > 0.0

@@ -16,6 +16,7 @@ from identify.base.errors import SceneError
 from identify.effects import MAIN
 from identify.logs.recorded_drive import recorded_drive
 from identify.logs.scene_records import prepare_scene, with_drives
+from identify.model.composition import FORCE_SENSORS, ForceSensorPlace
 from identify.model.model import assemble
 from identify.scene.tables import Course
 from identify.shooting.layout import COARSE_GRID
@@ -26,12 +27,13 @@ from identify.simulation.drive import Drive
 from identify.simulation.simulate import run
 from identify.simulation.sliding import growth_rates
 
+SINE = Course((2e-3, 0.25, 0.0))
 RAMPS, DURATION, NOISE = Course(ramps=((0.0, 0.5e-3), (2.5, 3e-3), (5.0, 0.5e-3))), 5.0, 3e-3
 
 
-def _record(course: Course, duration: float, *, position: bool = False) -> Record:
-    """The demo pair on a course, with noise; position: as a column of 10 um."""
-    motion = run(assemble(MAIN), DEMO | RIG, course, 1.0, duration, accuracy=1e-8)
+def _record(course: Course, duration: float, *, position: bool = False, sensor: ForceSensorPlace = "drive") -> Record:
+    """The demo pair on a course, with noise; position: as a column of 10 um; sensor: where the force is measured."""
+    motion = run(assemble(MAIN, sensor), DEMO | RIG, course, 1.0, duration, accuracy=1e-8)
     time = np.arange(round(2000 * duration)) / 2000
     force = motion.sample(time)["force"] + NOISE * np.random.default_rng(1).standard_normal(time.size)
     record = Record(time, np.ones(time.size), force)
@@ -41,8 +43,9 @@ def _record(course: Course, duration: float, *, position: bool = False) -> Recor
     return replace(record, channels={"position": steps}, channel_units={"position": "m"})
 
 
-def _scene(**log: object) -> Scene:
-    return Scene.from_document({"effects": list(MAIN), "rig": dict(RIG), "logs": [{"path": "log.csv", **log}]}, Path())
+def _scene(sensor: ForceSensorPlace = "drive", **log: object) -> Scene:
+    rig = {**RIG, "force_sensor": sensor}
+    return Scene.from_document({"effects": list(MAIN), "rig": rig, "logs": [{"path": "log.csv", **log}]}, Path())
 
 
 def _misfit(scene: Scene, record: Record) -> float:
@@ -66,15 +69,34 @@ def test_true_parameters_follow_a_drive_on_ramps_and_not_a_faster_one() -> None:
 
 
 @pytest.mark.usefixtures("no_predictions")
-@pytest.mark.parametrize("position", [pytest.param(False, marks=pytest.mark.slow), True])
-def test_a_pair_is_recovered_from_one_log_on_ramps(position: bool) -> None:
-    scene = _scene() if position else _scene(drive=RAMPS.table)
-    found = fit(scene, [_record(RAMPS, DURATION, position=position)], time_limit=300.0).result
+@pytest.mark.parametrize(
+    ("course", "position", "sensor"),
+    [
+        pytest.param(RAMPS, False, "drive", marks=pytest.mark.slow),
+        (RAMPS, True, "drive"),
+        (RAMPS, False, "counterface"),
+        pytest.param(SINE, False, "counterface", marks=pytest.mark.slow),
+    ],
+)
+def test_a_pair_is_recovered_from_one_log_on_a_course(course: Course, position: bool, sensor: ForceSensorPlace) -> None:
+    scene = _scene(sensor) if position else _scene(sensor, drive=course.table)
+    record = _record(course, DURATION if course == RAMPS else 8.0, position=position, sensor=sensor)
+    found = fit(scene, [record], time_limit=300.0).result
     assert found["status"] == "converged"
     for name, truth in DEMO.items():
         entry = found["parameters"][name]
         assert entry["interval"][0] <= truth <= entry["interval"][1], name
         assert entry["value"] == pytest.approx(truth, rel=0.05), name
+
+
+def test_sticks_of_strokes_are_found_behind_a_plate_as_at_the_drive() -> None:
+    cycles = []
+    for sensor in FORCE_SENSORS:
+        (log,) = prepare_scene(_scene(sensor, drive=SINE.table), [_record(SINE, 8.0, sensor=sensor)]).logs
+        cycles.append(log.segmentation.cycles)
+        assert log.data.noise == pytest.approx(NOISE, rel=0.05), sensor
+    assert cycles[0].count == cycles[1].count == 41
+    assert cycles[0].arrest == pytest.approx(cycles[1].arrest, abs=5e-3)
 
 
 @pytest.mark.parametrize(("amplitude", "frequency", "turns_in_slips"), [(2e-3, 0.25, False), (3e-3, 3.0, True)])
