@@ -214,7 +214,11 @@ def fits(cases: Sequence[tuple[str, FitScene, Sequence[Record] | None]]) -> tupl
         results = {}
         for level in LEVELS:
             fit(scene, records, options=FitOptions(accuracy=level))  # functions are built once per process
-            results[level.name] = fit(scene, records, options=FitOptions(accuracy=level)).result["accuracy"]["levels"]
+            results[level.name] = fit(scene, records, options=FitOptions(accuracy=level)).result["accuracy"]
+        if not all(results.values()):  # a loaded machine has no answer within the time limit
+            rows.append(f"| {name} | no answer within the time limit | – | – | – | – |")
+            continue
+        results = {level: accuracy["levels"] for level, accuracy in results.items()}
         said = {entry["accuracy"]: entry for entry in results["default"]}
         for level in (level.name for level in LEVELS):
             own = next(entry for entry in results[level] if entry["accuracy"] == level)

@@ -186,8 +186,8 @@ def estimates(
             continue
         error = sd * (value if declared.scale == "log" else 1.0)
         known = [] if verdict == "identified" else [hints.get(name, "more cycles are needed")]
-        if math.isfinite(prior := float(unknowns.prior_deviation[i])):
-            share = min(100.0, 100 * sd**2 / prior**2)
+        share = min(100.0, 100 * sd**2 / float(unknowns.prior_deviation[i]) ** 2)  # 0 without a prior
+        if share >= 1.0:
             known.append(f"its prior (or tolerance) carries {share:.0f} % of the information")
         reason = "; ".join(filter(None, (*known, walled)))
         out.append(Estimate(name, declared.unit, value, float(error), low, high, verdict, reason))
