@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -29,66 +29,88 @@ LESS, TOLD = 0.2, 0.5  # times the usual delta_mu_k; share of the variance of pe
 TIMES = (0.2, 1.0, 5.0)  # t_cr [s]; longer ones, each times the last, up to the longest rest of the drive
 
 
-def level_starts(logs: Sequence[Prepared], unknowns: Unknowns) -> Array:
-    """Theta (S, n_p) of starts from the levels of logs; where one slides steadily, so does the model."""
-    speeds, levels, quantiles, times = list[float](), list[float](), list[Array](), list(TIMES)
-    sliding, peaks = list[Array](), list[Array]()
+@dataclass(frozen=True)
+class _Levels:
+    """What logs show without a cycle: speeds (n,) [m/s] and levels (n,) of the coefficient of friction there, its top;
+    rests [s] and peaks after them (2, m); the longest hold of the drive [s]; whether a drive goes on a course."""
+
+    speeds: Array
+    levels: Array
+    top: float
+    peaks: Array
+    longest: float
+    on_course: bool
+
+
+def _levels_of(logs: Sequence[Prepared], names: Sequence[str]) -> _Levels:
+    points, tops, middles = list[tuple[float, float]](), list[float](), list[float]()
+    peaks, sliding, longest = [np.empty((2, 0))], list[Array](), 0.0
     for data in (at_drive(part) for log in logs for part in log.one_way):
         drive = data.programme or Drive((0.0,), (data.drive_speed,))
         counted = (data.weight > 0) & (data.time >= data.begin) & (data.time <= data.end)
         counted &= drive.motion(data.time)[1] > 0.0
         coefficient = data.force / data.normal_force.at(data.time)
-        quantiles.append(np.nanquantile(coefficient[counted], (0.5, 0.999)))
+        middle, top = np.nanquantile(coefficient[counted], (0.5, 0.999)).tolist()
+        middles, tops = [*middles, middle], [*tops, top]
         spans = zip(np.diff(drive.starts).tolist(), drive.speeds, strict=False)
-        longest = max((span for span, speed_then in spans if speed_then == 0.0), default=0.0)
-        while times[-1] < longest / LONGER:
-            times.append(LONGER * times[-1])
+        longest = max([longest, *(span for span, speed_then in spans if speed_then == 0.0)])
         if data.on_course:
-            sliding.append(_while_sliding(data, unknowns.names))
+            sliding.append(_while_sliding(data, names))
             continue
         peaks.append(_after_holds(data, drive, coefficient))
         for start, stop, speed in moving_pieces(drive, data.begin, data.end):
             # The level at the end of a stretch of constant speed.
             mine = (data.time >= stop - 0.4 * (stop - start)) & (data.time <= stop) & (data.weight > 0)
             if np.count_nonzero(mine) >= 3:
-                speeds.append(speed)
-                levels.append(float(np.median(coefficient[mine])))
+                points.append((speed, float(np.median(coefficient[mine]))))
     if sliding:  # the level of all speeds at which it slides
         speed, level = np.median(np.concatenate(sliding, axis=1), axis=1).tolist()
-        speeds, levels = [*speeds, speed], [*levels, level]
-    elif not speeds:
-        speeds, levels = [logs[0].data.drive_speed], [float(quantiles[0][0])]
-    names, base = unknowns.names, logs[0].data.base
-    value = dict(zip(names, unknowns.values(unknowns.start, base).tolist(), strict=True))
-    slow, fast = int(np.argmin(speeds)), int(np.argmax(speeds))
-    known = {}
-    if speeds[fast] > 1.5 * speeds[slow] and "delta_mu_k" in names:
-        known = {"a": 2.0 / speeds[fast], "delta_mu_k": min(1.2 * (levels[fast] - levels[slow]), -0.005)}
-    value |= known
-    steady = [part.data for log in logs for part in (log, *log.pieces) if part.fit_mode.name == "sliding"]
-    if steady and "delta_mu_k" in value and not unknowns.model.clocked:
-        shares = np.append(0.5 ** np.arange(HALVINGS), 0.0)
-        settings = [[*(value[name] for name in names), one.mean_normal_force, one.drive_speed] for one in steady]
-        tried = np.tile(settings, (shares.size, 1, 1))
-        tried[:, :, names.index("delta_mu_k")] *= shares[:, None]
-        growth = growth_rates(unknowns.model, tried.reshape(-1, tried.shape[-1])).reshape(shares.size, -1)
-        value["delta_mu_k"] *= shares[int(np.argmax(np.all(growth < 0.5 * growth[-1], axis=1)))]
-    share = 1.0 - float(np.exp(-value.get("a", 0.0) * speeds[slow]))
-    peaked, steps = any(log.fit_mode.name == "continuous" for log in logs), [value.get("delta_mu_k", 0.0)]
-    if sliding and "delta_mu_k" in names and not known:
-        steps += [LESS * steps[0]]
+        points.append((speed, level))
     peaks += [_of_sticks(log) for log in logs if log.data.on_course]
-    told, rows = _ageing(np.concatenate([np.empty((2, 0)), *peaks], axis=1)), []
+    speeds, levels = np.transpose(points or [(logs[0].data.drive_speed, middles[0])])
+    return _Levels(speeds, levels, max(tops), np.concatenate(peaks, axis=1), longest, bool(sliding))
+
+
+def level_starts(logs: Sequence[Prepared], unknowns: Unknowns) -> Array:
+    """Theta (S, n_p) of starts from the levels of logs; where one slides steadily, so does the model."""
+    seen, names, base = _levels_of(logs, unknowns.names), unknowns.names, logs[0].data.base
+    value = dict(zip(names, unknowns.values(unknowns.start, base).tolist(), strict=True))
+    slow, fast = int(np.argmin(seen.speeds)), int(np.argmax(seen.speeds))
+    steps = [1.0]  # times delta_mu_k
+    if seen.speeds[fast] > 1.5 * seen.speeds[slow] and "delta_mu_k" in names:
+        fall = 1.2 * float(seen.levels[fast] - seen.levels[slow])
+        value |= {"a": 2.0 / float(seen.speeds[fast]), "delta_mu_k": min(fall, -0.005)}
+    elif seen.on_course:
+        steps.append(LESS)
+    value["delta_mu_k"] = value.get("delta_mu_k", 0.0) * _calm_share(logs, unknowns, value)
+    times, told = list(TIMES), _ageing(seen.peaks)
+    while times[-1] < seen.longest / LONGER:
+        times.append(LONGER * times[-1])
     if told is not None:  # sticks of strokes are of few lengths: these tell it less surely than holds
-        times = [told[0], *(times if sliding else ())]
-    grid = product(LENGTHS, times, steps)
-    for length, time, step in grid if peaked else [(LENGTHS[0], TIMES[0], steps[0])]:
-        mu_k0 = max(levels[slow] - step * share, 0.01)
-        top = float(np.max(quantiles)) if told is None else told[1]
-        mu_s = max(top, mu_k0 + 0.02) if peaked else mu_k0 + 0.15
-        one = value | {"mu_s": mu_s, "mu_k0": mu_k0, "D": length, "t_cr": time, "delta_mu_k": step}
+        times = [told[0], *(times if seen.on_course else ())]
+    rows, share = [], 1.0 - float(np.exp(-value.get("a", 0.0) * seen.speeds[slow]))
+    peaked = any(log.fit_mode.name == "continuous" for log in logs)
+    for length, time, step in product(LENGTHS, times, steps) if peaked else [(LENGTHS[0], TIMES[0], 1.0)]:
+        mu_k0 = max(float(seen.levels[slow]) - step * value["delta_mu_k"] * share, 0.01)
+        mu_s = max(seen.top if told is None else told[1], mu_k0 + 0.02) if peaked else mu_k0 + 0.15
+        weaker = {"delta_mu_k": step * value["delta_mu_k"]}
+        one = value | weaker | {"mu_s": mu_s, "mu_k0": mu_k0, "D": length, "t_cr": time}
         rows.append([one[name] for name in names])
     return np.unique(_inside(unknowns, unknowns.theta(np.array(rows), base)), axis=0)
+
+
+def _calm_share(logs: Sequence[Prepared], unknowns: Unknowns, value: Mapping[str, float]) -> float:
+    """The share of delta_mu_k with which the model slides steadily where logs do; 1 where none does."""
+    names = unknowns.names
+    steady = [part.data for log in logs for part in (log, *log.pieces) if part.fit_mode.name == "sliding"]
+    if not steady or "delta_mu_k" not in names or unknowns.model.clocked:
+        return 1.0
+    shares = np.append(0.5 ** np.arange(HALVINGS), 0.0)
+    settings = [[*(value[name] for name in names), one.mean_normal_force, one.drive_speed] for one in steady]
+    tried = np.tile(settings, (shares.size, 1, 1))
+    tried[:, :, names.index("delta_mu_k")] *= shares[:, None]
+    growth = growth_rates(unknowns.model, tried.reshape(-1, tried.shape[-1])).reshape(shares.size, -1)
+    return float(shares[int(np.argmax(np.all(growth < 0.5 * growth[-1], axis=1)))])
 
 
 def _after_holds(data: LogData, drive: Drive, coefficient: Array) -> Array:
