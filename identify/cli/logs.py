@@ -136,7 +136,7 @@ def _measured_at(record: Record, steps: Sequence[StepSeen], known: Known) -> lis
     for step in steps:
         rows, phases = slice(step.step.start, step.step.stop), step.phases
         slip = known.half_period / phases.sample_interval
-        each.append(jumps(step.signs * record.friction_force[rows], phases, slip))
+        each.append(jumps(record.friction_force[rows], phases, slip, step.signs))
     count, drops = np.sum(each or [(0, 0)], axis=0).tolist()
     if sensor_place(count, drops) != "counterface":
         return []

@@ -29,7 +29,7 @@ from identify.shooting.starts import GOOD, candidates, fit_features
 Array = NDArray[np.float64]
 
 OTHER_OPTIMA = "other optima"
-DRAWN = 16  # starts of a Latin hypercube
+DRAWN = 16  # starts of two Latin hypercubes
 REACH = 2.0  # of the spread of a logarithm (a factor of seven); of a coefficient, half as far
 DISTINCT = 0.35  # of that reach, in one parameter at least, between two starts that are both solved
 WORSE = 2.0  # times the best fit to a cycle: what is no better is not solved
@@ -70,7 +70,7 @@ def multistart(attempt: Attempt, unknowns: Unknowns, seed: int, covariance: Arra
         best = int(np.argmin(squared))
         return best if squared[best] < ONE_OPTIMUM**2 else None
 
-    for theta in _starts(logs, unknowns, attempt.solved.theta, seed)[:SOLVED]:
+    for theta in _starts(logs, unknowns, attempt.solved.theta, np.sqrt(np.diag(covariance)), seed)[:SOLVED]:
         if time_is_up():
             no_time_for(OTHER_OPTIMA)
             break
@@ -126,15 +126,22 @@ def _solved(attempt: Attempt, unknowns: Unknowns, sizes: Array) -> Attempt | Non
     return replace(found, solved=converged(found.solved, found.solved.problem, sizes) or found.solved)
 
 
-def _starts(logs: Sequence[Prepared], unknowns: Unknowns, centre: Array, seed: int) -> list[Array]:
-    """Starts (n_p,) clearly apart, the best first: a Latin hypercube about a centre (n_p,), and what the
-    levels of the data say, each fitted to a cycle; as they are drawn where no log has settled cycles."""
+def _starts(logs: Sequence[Prepared], unknowns: Unknowns, centre: Array, errors: Array, seed: int) -> list[Array]:
+    """Starts (n_p,) clearly apart, the best first: Latin hypercubes about a centre (n_p,), and what the levels of the
+    data say, each fitted to a cycle; as they are drawn where no log has settled cycles.
+
+    Half of them go in every parameter no farther than where its error (f,) lets the cost pass COST_CUTOFF: what the
+    data know well leaves the others no chance where it is drawn from afar.
+    """
     reach = REACH * unknowns.spread * np.where(unknowns.logarithmic, 1.0, 0.5)
     reach = np.where(unknowns.free & ~rhythmic(unknowns), np.minimum(reach, unknowns.prior_deviation), 0.0)
-    drawn, random = reach > 0.0, np.random.default_rng(seed)
-    places = random.permuted(np.tile(np.arange(DRAWN), (int(drawn.sum()), 1)), axis=1).T
+    near, drawn, random = reach.copy(), reach > 0.0, np.random.default_rng(seed)
+    near[unknowns.free] = np.minimum(reach[unknowns.free], (2.0 * COST_CUTOFF) ** 0.5 * errors)
     sample = np.tile(centre, (DRAWN, 1))
-    sample[:, drawn] += reach[drawn] * (2.0 * (places + random.random(places.shape)) / DRAWN - 1.0)
+    for rows, each in ((slice(DRAWN // 2), near), (slice(DRAWN // 2, DRAWN), reach)):
+        count = len(sample[rows])
+        places = random.permuted(np.tile(np.arange(count), (int(drawn.sum()), 1)), axis=1).T
+        sample[rows, drawn] += each[drawn] * (2.0 * (places + random.random(places.shape)) / count - 1.0)
     sample = np.clip(sample, unknowns.lower, unknowns.upper)
     features, bases = features_of(logs)
     if features:

@@ -154,7 +154,7 @@ def _seen(piece: DraftLog) -> _Seen:
     )
     slope = float(np.median([slope for slope, _ in slopes])) if slopes else None
     stiffness = float(np.median(stiffnesses)) if stiffnesses else None
-    drops = jumps(signs * record.friction_force, whole, 0.0)
+    drops = jumps(record.friction_force, whole, 0.0, signs)
     changes = summary(drive_changes(record, seen))
     return _Seen(piece, drive, facts, slope, stiffness, whole.noise, slides, drops, left_out, changes)
 

@@ -568,7 +568,10 @@ class Prepared:
         """How many drops of its force are jumps, and how many drops there are; see `segment.jumps`."""
         inside = slice(*np.searchsorted(self.record.time, self.span))
         force, noisy = shown(self.force, self.used)[inside], replace(self.segmentation, noise=self.data.noise)
-        return jumps(force, replace(noisy, spikes=~self.used[inside]), self.rig.half_period / self.data.interval)
+        drive = self.data.programme if self.data.on_course else None
+        signs = None if drive is None else np.where(drive.motion(self.record.time[inside])[1] < 0.0, -1.0, 1.0)
+        slip = self.rig.half_period / self.data.interval
+        return jumps(force, replace(noisy, spikes=~self.used[inside]), slip, signs)
 
     @property
     def scatter(self) -> float:

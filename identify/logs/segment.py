@@ -593,15 +593,24 @@ def drive_force(time: Array, force: Array, frequency: float, zeta: float) -> Arr
     return np.where(np.abs(smooth(out - force, width)) < SAME_FORCE * rings, force, out)
 
 
-def jumps(force: Array, phases: Segmentation, slip: float) -> tuple[int, int]:
+def jumps(
+    force: Array, phases: Segmentation, slip: float, signs: Array | NDArray[np.int64] | None = None
+) -> tuple[int, int]:
     """How many drops of a force (n,) [N] are jumps from one sample to the next, and how many drops there are.
 
     A smooth fall is four times as high over a window of four times the width, a jump as high. Under the counterface
     the force jumps at every arrest, and falls once more at the onset; at the drive it swings.
 
     Args:
-        phases: of the force; slip: how many samples a slip takes, 0: as in these; too few show nothing: (0, 0).
+        phases: of the force; slip: how many samples a slip takes, 0: as in these; too few show nothing: (0, 0); signs:
+            (n,) of strokes, which are looked at one by one: where the drive turns nothing drops.
     """
+    if signs is not None:
+        edges = [0, *(1 + np.flatnonzero(np.diff(signs))).tolist(), force.size]
+        each = [
+            jumps(signs[a] * force[a:b], replace(phases, spikes=phases.spikes[a:b]), slip) for a, b in pairwise(edges)
+        ]
+        return sum(count for count, _ in each), sum(drops for _, drops in each)
     slip, noise, holes = slip or phases.samples_per_slip, phases.noise, ~np.isfinite(force) | phases.spikes
     width = max(int(slip / WIDTHS), 1)
     if not slip > FEWEST_OF_SLIP or force.size <= 16 * width or holes.all():

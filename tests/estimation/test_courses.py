@@ -16,6 +16,7 @@ from identify.base.errors import SceneError
 from identify.effects import MAIN
 from identify.logs.recorded_drive import recorded_drive
 from identify.logs.scene_records import prepare_scene, with_drives
+from identify.logs.segment import sensor_place
 from identify.model.composition import FORCE_SENSORS, ForceSensorPlace
 from identify.model.model import assemble
 from identify.scene.tables import Course
@@ -94,6 +95,7 @@ def test_sticks_of_strokes_are_found_behind_a_plate_as_at_the_drive() -> None:
     for sensor in FORCE_SENSORS:
         (log,) = prepare_scene(_scene(sensor, drive=SINE.table), [_record(SINE, 8.0, sensor=sensor)]).logs
         cycles.append(log.segmentation.cycles)
+        assert sensor_place(*log.jumps) == sensor
         assert log.data.noise == pytest.approx(NOISE, rel=0.05), sensor
     assert cycles[0].count == cycles[1].count == 41
     assert cycles[0].arrest == pytest.approx(cycles[1].arrest, abs=5e-3)
