@@ -70,9 +70,9 @@ class Profiles:
         ends = dict(self.ends)
         for name, (low, high) in self.ends.items():
             i = unknowns.names.index(name)
-            if low.end is not None and high.end is not None:
-                at = theta[i] - halves[i], theta[i] + halves[i]
-                ends[name] = replace(low, end=min(low.end, at[0])), replace(high, end=max(high.end, at[1]))
+            down = low if low.end is None else replace(low, end=min(low.end, float(theta[i] - halves[i])))
+            up = high if high.end is None else replace(high, end=max(high.end, float(theta[i] + halves[i])))
+            ends[name] = down, up
         return replace(self, ends=ends)
 
 
