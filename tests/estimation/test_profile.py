@@ -16,9 +16,10 @@ from identify.estimation.attempt import solve_again
 from identify.estimation.certainty import Question, certainty
 from identify.estimation.covariance import information_at
 from identify.estimation.estimator import tracing
-from identify.estimation.profile import CRITICAL, converged, profile
+from identify.estimation.profile import CRITICAL, Profiles, Side, converged, profile
 from identify.examples import FOLDER
 from identify.logs.scene_records import with_records
+from identify.logs.unknowns import from_scene
 from identify.shooting.accuracy import DEFAULT_OPTIONS
 from identify.shooting.passes import solve
 from identify.shooting.shooting import shooting_problem
@@ -151,3 +152,11 @@ def test_what_follows_another_on_its_bent_path_is_profiled_too():
     for name in ("t_cr", "mu_s", "mu_k0"):
         assert estimates[name].verdict == "not identifiable", name
         assert estimates[name].lower < made.case.truth[name] and estimates[name].upper is None
+
+
+def test_another_optimum_widens_an_interval_that_is_open_on_one_side():
+    unknowns = from_scene(two_logs())
+    found, halves = Profiles({"mu_s": (Side(1.08, False), Side(None, True))}), np.full(len(unknowns.names), 0.02)
+    lower, inside = (found.with_optimum(unknowns, np.full(halves.size, at), halves).ends["mu_s"] for at in (0.6, 1.3))
+    assert (lower[0].end, inside[0].end) == (pytest.approx(0.58), 1.08)
+    assert lower[1].end is inside[1].end is None
