@@ -230,8 +230,9 @@ def known_effects(value: Sequence[str], where: str = "effects") -> tuple[str, ..
 
 def _effects(value: object, extrapolate: object) -> tuple[Effects, tuple[str, ...]]:
     """The effects of a scene, and those used outside the range of their measurements."""
+    usual = ", ".join(f'"{name}"' for name in MAIN)
     for what, names, wanted in (
-        ("effects", () if value == "auto" else value, f'effects = ["{MAIN[0]}", …], or "auto"'),
+        ("effects", () if value == "auto" else value, f'effects = [{usual}] as a rule, or "auto"'),
         ("extrapolate", extrapolate, 'extrapolate = ["power_law"]'),
     ):
         if not isinstance(names, (list, tuple)) or not all(isinstance(name, str) for name in names):
