@@ -134,13 +134,13 @@ def test_the_planned_log_identifies_what_it_is_to_identify(free, pair, log, no_p
     """The fit of both logs knows nothing of the simulator's sensitivities: its covariance is that of the shooting."""
     before = fit(*with_logs(pair, free, [log]), time_limit=300).typed
     assert before.parameters[free[0]].verdict in ("weak", "not identifiable")
-    (made,) = plan(with_logs(pair, free, [log])[0], (), Choices(targets=free), before).logs
-    more = (made.design.speed, made.duration, made.rate)
-    after = fit(*with_logs(pair, free, [log, more]), time_limit=300).typed.parameters[free[0]]
+    made = plan(with_logs(pair, free, [log])[0], (), Choices(targets=free), before).logs
+    more = [(each.design.speed, each.duration, each.rate) for each in made]
+    after = fit(*with_logs(pair, free, [log, *more]), time_limit=300).typed.parameters[free[0]]
     low, high = after.interval_rig_exact  # a plan knows of no errors of rig and sensors that no log has shown yet
     names = [name for name in DEMO if name in free]
     assert low < pair[free[0]] < high
-    assert 0.5 * (high - low) / after.value < promised(made.halves)[names.index(free[0])] < 0.2
+    assert 0.5 * (high - low) / after.value < promised(made[-1].halves)[names.index(free[0])] < 0.2
 
 
 def test_simulated_logs_promise_what_the_fit_of_these_logs_knows():

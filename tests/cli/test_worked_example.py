@@ -16,7 +16,7 @@ ROWS = {  # what begins a row of its table: parameter, and the unit of the page 
     "its scatter": ("strength_scatter", 0.01),
     "weakening length": ("weakening_length", 1e-6),
     "moving mass": ("mass", 1e-3),
-    "wander": ("level_wander", 1e-3**-0.5),
+    "drift of the level": ("level_wander", 1e-3**-0.5),
     "roughness": ("level_roughness", 1.0),
 }
 
