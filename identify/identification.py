@@ -273,8 +273,8 @@ def _estimated(task: Task) -> tuple[list[Prepared], Findings]:
             findings = _quantified(task, prepared, attempt, left_out)
             findings = explain(findings, task.scene, task.records, prepared, task.progress)
         unclear = findings.status in MISFITS and not findings.explained
-        if findings.met is not None:
-            known = findings.met
+        if findings.restart is not None:
+            known = findings.restart
         elif attempt is None or not (unclear and takes_misfit(attempt, unknowns)):
             break  # else the search ended for what is no cause
     with stage("intervals"):

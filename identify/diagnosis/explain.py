@@ -211,9 +211,9 @@ def _with_cause(findings: Findings, scene: Scene, read: Sequence[Record], ended:
             unsure = with_effect or cause.score.column.change is None  # its error is that of the score before
             if unsure or abs(cause.size) > np.sqrt(CLEAR) * cause.error:
                 causes.append(cause)
-            else:  # where it hardly had to move, the misfit was the search's
+            else:  # it stays as stated: the search had stopped at another optimum
                 of_it = np.array(unknowns.names) == cause.score.column.name
-                findings = replace(findings, met=np.where(of_it, attempt.solved.theta, cause.attempt.solved.theta))
+                findings = replace(findings, restart=np.where(of_it, attempt.solved.theta, cause.attempt.solved.theta))
                 break
     causes.sort(key=lambda cause: cause.attempt.excess)
     causes = [each for each in causes if each.attempt.excess < causes[0].attempt.excess + CLEAR]

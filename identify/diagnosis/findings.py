@@ -51,7 +51,7 @@ class Findings:
     estimator: its name; estimated: what an estimator found that is not the plain one; scene: that of the answer
     where it is not the one that was given; explained: whether a cause was confirmed, or the data are refused;
     scatter: relative standard deviation of friction from log to log where the answer is one of logs that differ,
-    else 0; met: (n_p,) theta where all was stated rightly and the search did not get, None where none was met."""
+    else 0; restart: (n_p,) theta of a better fit with all as stated, from which the search starts again, or None."""
 
     status: Status
     message: str
@@ -68,7 +68,7 @@ class Findings:
     scene: Scene | None = None
     explained: bool = False
     scatter: float = 0.0
-    met: Array | None = None
+    restart: Array | None = None
 
     @property
     def estimates(self) -> Sequence[Estimate]:

@@ -176,8 +176,8 @@ def _differences(solved: Solved, columns: Sequence[Column]) -> tuple[list[Array]
             other_layout = transcribe(changed, list(layout.trajectories), layout.unknowns, layout.grid)
             # A rest in which something decays is cut where its curve asks for that, which may be elsewhere.
             cells = [[f.edges.shape for f in each.families] for each in (layout, other_layout)]
-            known = (problem.moments, problem.pattern) if cells[0] == cells[1] else ()
-            other = Problem(changed, other_layout, *known)
+            same = (problem.moments, problem.pattern) if cells[0] == cells[1] else ()
+            other = Problem(changed, other_layout, *same)
             z = x / other_layout.scale
             difference = other.evaluate(z, derivatives=False).rows - at_answer
             rows[owner, np.arange(layout.rows), c] = difference / column.size

@@ -137,7 +137,7 @@ class LogContext:
 # How a record begins: the elongation from its first samples, the contact aged so that the first slip lies on the data.
 
 FIRST_SWINGS = 8.0  # half periods about the first peak that are compared
-BY_NOISE = 6.0  # standard deviations of a mean: a fall that is no fall
+BY_NOISE = 6.0  # standard deviations of a mean: a smaller drop is noise
 
 
 def begin_state(context: LogContext, until: float) -> Array:
@@ -174,9 +174,9 @@ def first_state(context: LogContext) -> Array:
         width = max(min(int(0.2 * context.half / log.interval), index.size // 3), 1)
         smooth = scipy.ndimage.uniform_filter1d(log.force[index], width, mode="nearest")
         # Of a train of slips any may be the highest: the first one from which it falls half as far as from any.
-        falls = np.maximum.accumulate(smooth) - smooth
-        fallen = falls >= max(0.5 * float(np.max(falls)), BY_NOISE * log.noise / width**0.5)
-        peak = float(log.time[index[int(np.argmax(smooth[: int(np.argmax(fallen)) or smooth.size]))]])
+        drop = np.maximum.accumulate(smooth) - smooth
+        dropped = drop >= max(0.5 * float(np.max(drop)), BY_NOISE * log.noise / width**0.5)
+        peak = float(log.time[index[int(np.argmax(smooth[: int(np.argmax(dropped)) or smooth.size]))]])
         until = float(log.time[index[int(np.argmax(smooth >= smooth[0] + 0.5 * np.ptp(smooth)))]])
     x = begin_state(context, until)
     if model.clamped is None:

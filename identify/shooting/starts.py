@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 HALVINGS, LONGER = 8, 5.0  # of delta_mu_k until steady sliding fades at half the pace of the rig alone; times t_cr
 MEAN, SLIDES = 0.15, 0.2  # of half a period: means of a force; of the highest speed: the mass slides
 LENGTHS = (10e-6, 40e-6)  # D [m]
-LESS, TOLD = 0.2, 0.5  # times the usual delta_mu_k; share of the variance of peaks that is left where rests tell them
+LESS, UNEXPLAINED = 0.2, 0.5  # times the usual delta_mu_k; share of the variance of peaks that rests may leave
 TIMES = (0.2, 1.0, 5.0)  # t_cr [s]; longer ones, each times the last, up to the longest rest of the drive
 
 
@@ -83,16 +83,16 @@ def level_starts(logs: Sequence[Prepared], unknowns: Unknowns) -> Array:
     elif seen.on_course:
         steps.append(LESS)
     value["delta_mu_k"] = value.get("delta_mu_k", 0.0) * _calm_share(logs, unknowns, value)
-    times, told = list(TIMES), _ageing(seen.peaks)
+    times, ageing = list(TIMES), _ageing(seen.peaks)
     while times[-1] < seen.longest / LONGER:
         times.append(LONGER * times[-1])
-    if told is not None:  # sticks of strokes are of few lengths: these tell it less surely than holds
-        times = [told[0], *(times if seen.on_course else ())]
+    if ageing is not None:  # sticks of strokes are of few lengths, and determine it less surely than holds
+        times = [ageing[0], *(times if seen.on_course else ())]
     rows, share = [], 1.0 - float(np.exp(-value.get("a", 0.0) * seen.speeds[slow]))
     peaked = any(log.fit_mode.name == "continuous" for log in logs)
     for length, time, step in product(LENGTHS, times, steps) if peaked else [(LENGTHS[0], TIMES[0], 1.0)]:
         mu_k0 = max(float(seen.levels[slow]) - step * value["delta_mu_k"] * share, 0.01)
-        mu_s = max(seen.top if told is None else told[1], mu_k0 + 0.02) if peaked else mu_k0 + 0.15
+        mu_s = max(seen.top if ageing is None else ageing[1], mu_k0 + 0.02) if peaked else mu_k0 + 0.15
         weaker = {"delta_mu_k": step * value["delta_mu_k"]}
         one = value | weaker | {"mu_s": mu_s, "mu_k0": mu_k0, "D": length, "t_cr": time}
         rows.append([one[name] for name in names])
@@ -134,7 +134,8 @@ def _of_sticks(log: Prepared) -> Array:
 
 
 def _ageing(peaks: Array) -> tuple[float, float] | None:
-    """Time [s] and end of the exponential by which peaks (2, n) rise with their rests; None where they do not tell."""
+    """Time [s] and end of the exponential by which peaks (2, n) rise with their rests; None where rests do not explain
+    them."""
     rests, heights = peaks[:, peaks[0] > 0.0]
     if np.unique(rests).size < 4:
         return None
@@ -142,7 +143,7 @@ def _ageing(peaks: Array) -> tuple[float, float] | None:
     for time in times.tolist():
         columns = np.stack([np.ones(rests.size), -np.expm1(-rests / time)], axis=1)
         (first, rise), left = np.linalg.lstsq(columns, heights)[:2]
-        if rise > 0.0 and left.size and left[0] < TOLD * rests.size * np.var(heights):
+        if rise > 0.0 and left.size and left[0] < UNEXPLAINED * rests.size * np.var(heights):
             fits.append((float(left[0]), time, float(first + rise)))
     _, time, end = min(fits, default=(0.0, np.inf, np.nan))
     return (time, end) if time < times[-1] else None
@@ -375,7 +376,7 @@ def candidates(unknowns: Unknowns, features: list[Features], bases: list[Array])
     period = np.array([f.period if np.isfinite(f.period) else 1.0 for f in features])
     share = drop / load / np.max(drop / load)
     tellable = (share > 0.05) & (share < 0.97)
-    times = float(np.min(period)) / np.array([3.0, 0.2])  # of one speed no level tells it
+    times = float(np.min(period)) / np.array([3.0, 0.2])  # levels at one speed do not determine it
     if np.any(tellable):
         times = np.exp(np.mean(np.log(-period[tellable] / np.log1p(-share[tellable])), keepdims=True))
     names, base = unknowns.names, bases[largest]
