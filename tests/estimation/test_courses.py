@@ -16,7 +16,7 @@ from identify.base.errors import SceneError
 from identify.effects import MAIN
 from identify.logs.recorded_drive import recorded_drive
 from identify.logs.scene_records import prepare_scene, with_drives
-from identify.logs.segment import jumps, sensor_place
+from identify.logs.segment import jumps, segment, sensor_place
 from identify.model.composition import FORCE_SENSORS, ForceSensorPlace
 from identify.model.model import assemble
 from identify.scene.tables import Course
@@ -153,13 +153,14 @@ def test_starts_slide_steadily_where_a_log_does_and_creep_as_peaks_after_holds_d
 
 
 def test_nothing_jumps_where_a_drive_turns() -> None:
-    (log,) = prepare_scene(_scene(drive=SINE.table), [_record(SINE, 8.0)]).logs
-    signs = np.where(Drive.of(SINE, 8.0).motion(log.record.time)[1] < 0.0, -1.0, 1.0)
-    slip = log.rig.half_period / log.data.interval
-    count, drops = jumps(log.force, log.segmentation, slip, signs)
-    assert count == 0 and drops > 40
-    at_turns, _ = jumps(signs * log.force, log.segmentation, slip)
-    assert at_turns > 2, "as one force they are jumps"
+    row = np.arange(4000)
+    signs = np.where(row // 400 % 2, -1.0, 1.0)
+    force = signs * (1.0 + 0.3 * np.sin(2.0 * np.pi * row / 100.0)) + 1e-3 * np.random.default_rng(5).standard_normal(
+        4000
+    )
+    phases = segment(row / 1000.0, force)
+    assert jumps(force, phases, 50.0, signs)[0] == 0 < jumps(force, phases, 50.0, signs)[1]
+    assert jumps(force, phases, 50.0)[0] > 2, "as one force it does"
 
 
 def test_a_course_that_is_misspelt_is_refused_by_name() -> None:
